@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli import run
-from planner.cli.output import AsJson, Quiet, command
+from planner.cli.output import command
 
 if TYPE_CHECKING:
     from benchmarks.withheld.answers import Outcome
@@ -54,8 +54,6 @@ def bench(
     force: Annotated[
         bool, typer.Option("--force", help="Replace an earlier results file.")
     ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
 ) -> int:
     """Diagnose campaigns whose cause is known and say how often the diagnosis is right.
 
@@ -65,7 +63,7 @@ def bench(
     """
     from benchmarks.withheld.results import check_effects, score_outcomes
     from benchmarks.withheld.scoring import read_truth
-    from planner.cli.output import print_document, progress
+    from planner.cli.output import in_words, progress
     from planner.errors import ArgumentError
     from planner.formats.files import encode_document
     from planner.formats.outputs import check_absent, write_whole
@@ -79,7 +77,7 @@ def bench(
     if output is not None:
         check_absent(output, force=force)
     sealed = read_truth(truth, sha256=sha256)
-    with progress(not quiet and not as_json) as stage:
+    with progress() as stage:
         if documents is not None:
             outcomes = _written(documents, folder)
         else:
@@ -89,9 +87,7 @@ def bench(
     given = {name: o.document for name, o in outcomes.items() if o.document is not None}
     if output is not None:
         write_whole(output, encode_document(results.document(given)))
-    if as_json:
-        print_document(encode_document(results.document()))
-    elif not quiet:
+    if in_words(lambda: encode_document(results.document())):
         _print(results, output)
     return 1 if results.problems or results.not_diagnosed else 0
 

@@ -261,7 +261,8 @@ _COMMANDS: tuple[Callable[..., int], ...] = (
     _materials.materials, _materials.fit, _materials.characterise, _plans.view, _plans.check,
     _plans.diff, _plans.compare, _plans.slices, _printers.schema,
 )  # fmt: skip
+_SWITCHES = {_printers.schema: "", _materials.invert: "as_json", _materials.materials: "as_json"}
 for _function in _COMMANDS:
-    command(app)(_function)
+    command(app, switches=_SWITCHES.get(_function, "as_json quiet"))(_function)
 app.add_typer(_gap.app)
 app.add_typer(_printers.app)

@@ -38,8 +38,6 @@ def diagnose(
     unit_of: list[str] | None = None,
     seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,
     force: bool = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Say where measurements differ from the palette, what causes it, how far that closes it.
 
@@ -68,7 +66,7 @@ def diagnose(
     from planner.report.gap_page import verdict_text
 
     cli.check_targets(context, force=force, output=(output, "diagnosis.json"))
-    with cli.progress(not (quiet or as_json)) as stage:
+    with cli.progress() as stage:
         asked = cli.taken(planner.diagnose, given) | {
             "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
         }
@@ -76,7 +74,7 @@ def diagnose(
         if output is not None:
             stage("writing the files")
             planner.write_diagnosis(found, output, force=force)
-    if cli.in_words(found.json, as_json, quiet):
+    if cli.in_words(found.json):
         _say_verdict(verdict_text(found, width=cli.terminal_width()))
         cli.say("")
         if output is None:
@@ -119,8 +117,6 @@ def correct(
     printer: cli.PrinterName = "connex3",
     output: Annotated[Path, "--output", "-o"] = Path("palette-corrected.toml"),
     force: bool = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Write a palette for the conditions of use, corrected for what a diagnosis has found.
 
@@ -162,7 +158,7 @@ def correct(
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
     file = output.name if made.corrected else None
-    if cli.in_words(lambda: {"schema": 1, "file": file, **made.document()}, as_json, quiet):
+    if cli.in_words(lambda: {"schema": 1, "file": file, **made.document()}):
         _correct_report(made, output, _again(printer))
     return 0 if made.ok else 1
 
@@ -204,8 +200,6 @@ def design(
     width_mm: float = 6.0,
     thickness_mm: float = 3.0,
     gauge_mm: float = 25.0,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Choose the specimens that tell effects apart, and say how sure the diagnosis will be.
 
@@ -244,14 +238,14 @@ def design(
                 "own; name a folder with --output"
             )
     cli.check_targets(context, force=False, output=output if listed else (output, None))
-    with cli.progress(not (quiet or as_json)) as stage:
+    with cli.progress() as stage:
         made = planner.design_campaign(**cli.taken(planner.design_campaign, given), progress=stage)
     if listed:
         write_whole(output, specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
     said = {"schema": 1, "written": output.name}
-    if cli.in_words(lambda: {**said, **made.document()}, as_json, quiet):
+    if cli.in_words(lambda: {**said, **made.document()}):
         _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
 
@@ -312,8 +306,8 @@ def _again(printer: str, palette: str | None = None, **lists: list[str] | None) 
 # planner gap next.
 
 
-@cli.command(app, "next")
-def next_(campaign: Path, as_json: cli.AsJson = False) -> int:
+@cli.command(app, "next", switches="as_json")
+def next_(campaign: Path) -> int:
     """Say where a campaign or a diagnosis stands, what is missing, which command comes next.
 
     Example: [bold]planner gap next lab[/bold]
@@ -326,7 +320,7 @@ def next_(campaign: Path, as_json: cli.AsJson = False) -> int:
     from planner.gap.campaign import named
 
     found = planner.campaign_standing(campaign)
-    if not cli.in_words(found.document, as_json):
+    if not cli.in_words(found.document):
         return 0
     if found.listed:
         measured = len(found.listed) - len(found.missing)
@@ -358,8 +352,6 @@ def simulate(
     camera: bool = False,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Make a campaign with stated effects by planner's own model, to teach or to practise.
 
@@ -392,7 +384,7 @@ def simulate(
     effects = [stated_effect(text, made.palette).text for text in effect or ()]
     said = {"schema": 1, "simulated": made.notes, "effects": effects}
     said |= {"specimens": len(made.specimens), "folder": output.name}
-    if cli.in_words(lambda: said, as_json, quiet):
+    if cli.in_words(lambda: said):
         cli.warn(*made.remarks)
         cli.say(made.notes)
         cli.say(f"wrote {output} (next: planner gap diagnose {quote(str(output))})")

@@ -35,7 +35,6 @@ def materials(
     figure: Path | None = None,
     as_program: Annotated[str | None, "--as"] = None,
     force: cli.Overwrite = False,
-    as_json: cli.AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
 
@@ -66,7 +65,7 @@ def materials(
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {m.id: planner.law_block(m, as_program, k) for k, m in enumerate(chosen_ones, 1)}
         told = {"schema": 1, "palette": every.name, "blocks": blocks}
-        if cli.in_words(lambda: told, as_json):
+        if cli.in_words(lambda: told):
             cli.say("\n".join(blocks.values()).rstrip())
         return 0
     if names:
@@ -76,7 +75,7 @@ def materials(
         planner.write_palette(every, output, force=force)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
-    if cli.in_words(scale.document, as_json):
+    if cli.in_words(scale.document):
         _print_ladder(scale)
         cli.tell_notes([*scale.warming, *scale.remarks()])
         cli.say(*(f"wrote {written}" for written in (output, figure) if written))
@@ -112,7 +111,6 @@ def invert(
     law: str | None = None,
     printer: cli.PrinterName = "connex3",
     palette: cli.PaletteName = None,
-    as_json: cli.AsJson = False,
 ) -> int:
     """Find the digital material, and the blend of two, that has a wanted stiffness.
 
@@ -142,7 +140,7 @@ def invert(
     found = [ask(modulus) for modulus in modulus_MPa or ()]
     at = [ask(coordinate=place) for place in coordinate or ()]
     said = {"schema": 1, "palette": chosen.name, "at_strain": at_strain}
-    if cli.in_words(lambda: {**said, "results": [m.document() for m in (*found, *at)]}, as_json):
+    if cli.in_words(lambda: {**said, "results": [m.document() for m in (*found, *at)]}):
         title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
         if found:
             _print_wanted(found, title)
@@ -288,8 +286,6 @@ def characterise(
     at_strain: list[float] | None = None,
     figure: Path | None = None,
     force: cli.Overwrite = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Take modulus, toughness, elongation and their spread from tensile tests.
 
@@ -321,7 +317,7 @@ def characterise(
         write_whole(output, found.csv())
     if figure is not None:
         write_whole(figure, planner.characterisation_figure(found))
-    if cli.in_words(lambda: encode_document(found.document()), as_json, quiet):
+    if cli.in_words(lambda: encode_document(found.document())):
         _print_records(found)
         cli.tell_notes((*found.notes, *_corrections(found)))
         _tables(found)
@@ -421,8 +417,6 @@ def fit(
     figure: Path | None = None,
     tables: Path | None = None,
     force: cli.Overwrite = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Fit laws to tensile tests, choose one a material, and write a palette with intervals.
 
@@ -467,7 +461,7 @@ def fit(
 
     reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
     cli.check_targets(context, force=force, reads=reads, **targets, tables=(tables, _TABLES))
-    with cli.progress(not (quiet or as_json)) as stage:
+    with cli.progress() as stage:
         result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
@@ -477,7 +471,7 @@ def fit(
         rows = {**planner.fit_tables(result), _TABLES: record}
         write_folder(tables, rows, force=force, record=_TABLES, option="tables")
     said = {"file": str(output)}
-    if cli.in_words(lambda: encode_document({**result.document(), **said}), as_json, quiet):
+    if cli.in_words(lambda: encode_document({**result.document(), **said})):
         cli.tell_notes(result.notes)
         _print_report(result, output)
         cli.say(*(f"wrote {path}" for path in (figure, tables) if path))

@@ -32,7 +32,7 @@ __all__ = [
     "PaletteName",
     "PrinterLimits",
     "PrinterName",
-    "Quiet",
+    "asked",
     "check_targets",
     "command",
     "complain",
@@ -127,13 +127,15 @@ def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:
         print(json.dumps(document, indent=2, ensure_ascii=False))
 
 
-def in_words(
-    document: Callable[[], dict[str, Any] | bytes], as_json: bool, quiet: bool = False
-) -> bool:
+asked: set[str] = set()
+"""Of `as_json` and `quiet`, the switches that the command which runs was given."""
+
+
+def in_words(document: Callable[[], dict[str, Any] | bytes]) -> bool:
     """Print a result's document where JSON is asked for; tell whether it is to be said in words."""
-    if as_json:
+    if "as_json" in asked:
         print_document(document())
-    return not (as_json or quiet)
+    return not asked
 
 
 def print_table(
@@ -207,12 +209,12 @@ _LEAST_ROWS = 10
 
 
 @contextlib.contextmanager
-def progress(enabled: bool, *, layers: bool = False) -> Iterator[Callable[..., None]]:
-    """Show the running stage on stderr while it lasts, on a terminal only.
+def progress(enabled: bool = True, *, layers: bool = False) -> Iterator[Callable[..., None]]:
+    """Show the running stage on stderr while it lasts, on a terminal only, if words are asked for.
 
     Yielded is what is called with the stage; or where `layers` are made, with how many of how many.
     """
-    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
+    if asked or not (enabled and sys.stderr is not None and sys.stderr.isatty()):
         yield lambda *told: None
         return
     from rich import progress as shown
@@ -236,13 +238,13 @@ _PAUSE_S = 10.0
 
 
 @contextlib.contextmanager
-def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
+def long_progress() -> Iterator[Callable[[str], None]]:
     """Show stages and the time left on stderr, a line each ten seconds where it is no terminal.
 
     Stages that know which share of the work is done have it as `done`.
     """
     begun = said = time.monotonic()
-    with progress(enabled) as show:
+    with progress() as show:
 
         def tell(stage: str) -> None:
             nonlocal said
@@ -252,7 +254,7 @@ def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
                 left = spent * (1.0 - done) / done
                 stage += f"; about {f'{left / 60:.0f} min' if left > 90 else f'{left:.0f} s'} left"
             show(stage)
-            if enabled and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
+            if not asked and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
                 said = now
                 _stderr_lines("working", "cyan", stage)
 
@@ -273,7 +275,10 @@ def _stderr_lines(kind: str, colour: str, *messages: str) -> None:
 
 
 AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
-Quiet = Annotated[bool, "--quiet", "-q", "Print nothing but errors."]
+_SWITCHES: Mapping[str, Any] = {
+    "as_json": AsJson,
+    "quiet": Annotated[bool, "--quiet", "-q", "Print nothing but errors."],
+}
 PrinterName = Annotated[
     str, "Installed printer, see [bold]planner printers[/bold]; or its TOML file."
 ]
@@ -283,10 +288,13 @@ PaletteName = Annotated[str | None, "Palette file (TOML), or one of the printer'
 _Command = TypeVar("_Command", bound=Callable[..., int])
 
 
-def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Command]:
+def command(
+    app: Typer, name: str | None = None, *, switches: str = "as_json quiet"
+) -> Callable[[_Command], _Command]:
     """Add a function to the commands of an app; `_shown` tells what its options may be.
 
-    Its docstring is the command's help, and where it has a section of parameters their help.
+    Its docstring is the command's help, and where it has a section of parameters their help. Behind
+    them it has switches, which it is not given: they are `asked`, see `in_words`.
     """
 
     def add(function: _Command) -> _Command:
@@ -297,9 +305,14 @@ def command(app: Typer, name: str | None = None) -> Callable[[_Command], _Comman
             if is_dataclass(one.annotation):
                 groups[one.name] = one.annotation
             shown += _shown(one, texts)
+        for switch in switches.split():
+            one = inspect.Parameter(switch, inspect.Parameter.KEYWORD_ONLY, default=False)
+            shown += _shown(one.replace(annotation=_SWITCHES[switch]), texts)
 
         @functools.wraps(function)
         def run(**given: Any) -> int:
+            asked.clear()
+            asked.update(switch for switch in switches.split() if given.pop(switch))
             for name, group in groups.items():
                 given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
             return function(**given)

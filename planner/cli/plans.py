@@ -53,8 +53,6 @@ def grade(
     dry_run: bool = False,
     no_page: bool = False,
     slicer: Annotated[str | None, "--for"] = None,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Grade a part from one stiffness to another and write the files that print it.
 
@@ -138,14 +136,14 @@ def grade(
         cli.check_targets(context, force=force, output=(folder, "plan.json"))
     if nothing_kept():
         _start()
-    with cli.progress(not quiet and not as_json) as stage:
+    with cli.progress() as stage:
         plan = planner.grade(**cli.taken(planner.grade, given), progress=stage)
         kept = not dry_run and (plan.ok or not strict)
         if kept:
             stage("writing the files")
             page = None if no_page else planner.plan_page(plan)
             plan.write(folder, force=force, page=page, slicer=slicer)
-    if cli.in_words(plan.json, as_json, quiet):
+    if cli.in_words(plan.json):
         _grade_report(plan, folder if kept else None, like)
     return 0 if plan.ok else 1
 
@@ -195,9 +193,7 @@ def _table(plan: "planner.Plan") -> None:
 # planner view.
 
 
-def view(
-    plan: Path, no_open: bool = False, as_json: cli.AsJson = False, quiet: cli.Quiet = False
-) -> int:
+def view(plan: Path, no_open: bool = False) -> int:
     """Open a plan's page in the browser: the part in its materials, its figures, how to print it.
 
     The page, plan.html, is made where it is missing or of another version.
@@ -211,32 +207,29 @@ def view(
     no_open
         Make the page if need be and say where it is, no more.
     """
-    with cli.progress(not quiet and not as_json) as stage:
+    with cli.progress() as stage:
         stage("making the page")
         page = planner.view(plan)
-    opened = _shown(page, no_open=no_open, quiet=quiet or as_json)
-    if as_json:
-        cli.print_document({"schema": 1, "page": str(page), "opened": opened})
+    _show(page, no_open=no_open)
     return 0
 
 
-def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
-    """Open a page in the browser and say where it is; tell whether a browser opened it."""
+def _show(page: Path, *, no_open: bool, **more: object) -> None:
+    """Open a page in the browser and say where it is; `more` stands in the document, too."""
     import webbrowser
 
     opened = not no_open and webbrowser.open(page.resolve().as_uri())
-    if not quiet:
+    if cli.in_words(lambda: {"schema": 1, "page": str(page), "opened": opened} | more):
         if not (opened or no_open):
             cli.warn("no browser could be started; open the page yourself")
         cli.say(str(page))
-    return opened
 
 
 # ------------------------------------------------------------------------------------------------
 # planner check.
 
 
-def check(folder: Path, as_json: cli.AsJson = False, quiet: cli.Quiet = False) -> int:
+def check(folder: Path) -> int:
     """Verify a plan's folder anew from its files alone and print a certificate.
 
     Exit code 1 when something does not hold.
@@ -248,9 +241,9 @@ def check(folder: Path, as_json: cli.AsJson = False, quiet: cli.Quiet = False) -
     folder
         Folder that planner grade wrote.
     """
-    with cli.progress(not quiet and not as_json) as stage:
+    with cli.progress() as stage:
         certificate = planner.check(folder, progress=stage)
-    if cli.in_words(certificate.document, as_json, quiet):
+    if cli.in_words(certificate.document):
         rows = [
             [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
             for name, c in certificate.checks.items()
@@ -280,13 +273,7 @@ _Tolerance = Annotated[
 ]
 
 
-def diff(
-    before: Path,
-    after: Path,
-    tolerance: _Tolerance = 1e-6,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
-) -> int:
+def diff(before: Path, after: Path, tolerance: _Tolerance = 1e-6) -> int:
     """Compare two plans by meaning: material moved, volume changed, another target.
 
     Exit code 1 when they differ.
@@ -301,7 +288,7 @@ def diff(
         The plan to compare with it.
     """
     found = planner.diff(before, after, tolerance=tolerance)
-    if cli.in_words(lambda: _equality(found), as_json, quiet):
+    if cli.in_words(lambda: _equality(found)):
         for difference in found:
             cli.say(textwrap.fill(difference.text, cli.terminal_width(), subsequent_indent="    "))
         if not found:
@@ -325,8 +312,6 @@ def compare(
     tolerance: _Tolerance = 1e-6,
     no_open: bool = False,
     force: bool = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Write a page with two plans side by side, turned and cut together, and open it.
 
@@ -350,13 +335,11 @@ def compare(
     from planner.formats.outputs import write_whole
 
     cli.check_targets(context, force=force, output=output)
-    with cli.progress(not quiet and not as_json) as stage:
+    with cli.progress() as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
         write_whole(output, planner.compare_page(before, after, tolerance=tolerance))
-    opened = _shown(output, no_open=no_open, quiet=quiet or as_json)
-    if as_json:
-        cli.print_document({"schema": 1, "page": str(output), "opened": opened} | _equality(found))
+    _show(output, no_open=no_open, **_equality(found))
     return 1 if found else 0
 
 
@@ -373,8 +356,6 @@ def slices(
     printer: str | None = None,
     scheduler: str | None = None,
     force: bool = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Write a plan as the printer's own layers: one image a layer, one colour a material.
 
@@ -402,11 +383,11 @@ def slices(
     given = locals()
     cli.check_targets(context, force=force, output=(output, "slices.json"))
     given = {**given, "pitch_mm": None if pitch_mm is None else _lengths(pitch_mm)}
-    with cli.progress(not quiet and not as_json, layers=True) as advance:
+    with cli.progress(layers=True) as advance:
         stack = planner.write_slices(**cli.taken(planner.write_slices, given), progress=advance)
-    if cli.in_words(stack.json, as_json, quiet):
+    if cli.in_words(stack.json):
         _slices_report(stack, output)
-    if not quiet:
+    if "quiet" not in cli.asked:
         cli.finding(*stack.findings)
     return 0 if stack.ok else 1
 

@@ -41,7 +41,9 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
         sizes = machine.tray_mm, [1000 * v for v in (*machine.pixel_mm, machine.layer_mm)]
         where = [", ".join(machine.palettes), made_by or entry.value]
         shown.append([name, machine.title, *(sized(each, "g") for each in sizes), *where])
-    if cli.in_words(lambda: {"schema": 1, "printers": rows, "broken": broken}, as_json):
+    if as_json:
+        cli.print_document({"schema": 1, "printers": rows, "broken": broken})
+    else:
         columns = ["name", "machine", "tray mm", "voxel um", "palettes", "from"]
         cli.print_table(columns, shown, droppable=["from", "voxel um"])
         cli.finding(*broken)
@@ -52,8 +54,8 @@ def _printers(context: typer.Context, as_json: cli.AsJson = False) -> int:
 # planner printers show.
 
 
-@cli.command(app)
-def show(name: str, as_json: cli.AsJson = False) -> int:
+@cli.command(app, switches="as_json")
+def show(name: str) -> int:
     """Show a printer: its limits, its resins, its palettes and what its software calls materials.
 
     Example: [bold]planner printers show connex3[/bold]
@@ -70,16 +72,15 @@ def show(name: str, as_json: cli.AsJson = False) -> int:
     }
     limits = {key: getattr(machine, key) for key in (*_STATED[1:5], "minimum_feature_mm")}
     resins = {"base_resins": machine.base_resins, "support": machine.support}
-    if as_json:
-        document = {"name": machine.name, "title": machine.title, **limits, **resins}
-        cli.print_document({"schema": 1, **document, "palettes": named})
+    called = {"name": machine.name, "title": machine.title}
+    if not cli.in_words(lambda: {"schema": 1, **called, **limits, **resins, "palettes": named}):
         return 0
     cli.say(f"{machine.title} ({machine.name})")
     for key, value in limits.items():
         words = sized(value if isinstance(value, tuple) else (value,), "g")
         cli.say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
     cli.say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
-    rows = [[palette, *pair] for palette, called in named.items() for pair in called.items()]
+    rows = [[palette, *pair] for palette, names in named.items() for pair in names.items()]
     cli.print_table(["palette", "material", "in its software"], rows)
     cli.say(f"(stiffness: planner materials --printer {name} --palette NAME)")
     return 0
@@ -92,7 +93,7 @@ def show(name: str, as_json: cli.AsJson = False) -> int:
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
-@cli.command(app)
+@cli.command(app, switches="")
 def new(
     context: Context,
     name: str,

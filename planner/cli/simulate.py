@@ -58,8 +58,6 @@ def simulate(
     volume: Path | None = None,
     page: Path | None = None,
     force: cli.Overwrite = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Pull a planned part, a graded bar or a coupon; or load a whole part, which may bend.
 
@@ -175,7 +173,7 @@ def simulate(
     ]
     for paths in each:
         cli.check_targets(context, force=force, reads=(), **whole_files, **paths)
-    with cli.progress(not quiet and not as_json and whole) as stage:
+    with cli.progress(whole) as stage:
         asked = cli.taken(solve, given) | ({"cases": held, "progress": stage} if whole else {})
         results = solve(**asked) if whole else (solve(**asked),)
         if page is not None:
@@ -189,7 +187,7 @@ def simulate(
     for result, paths in zip(results, each, strict=True):
         for name, path in paths.items():
             write_whole(path, files[name][1](result))
-    if cli.in_words(lambda: document, as_json, quiet):
+    if cli.in_words(lambda: document):
         (_part_report if whole else _bar_report)(results)
         cli.tell_findings([f.message for result in results for f in result.findings], "the JSON")
         some = [path for paths in each for path in paths.values()]
@@ -267,8 +265,6 @@ def export(
     printer: _PlansPrinter = None,
     palette: cli.PaletteName = None,
     force: cli.Overwrite = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Write a planned part as hexahedra, each in its material, for Abaqus, CalculiX or ParaView.
 
@@ -296,11 +292,11 @@ def export(
     given = locals()
     cli.check_targets(context, force=force, output=output)
     _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
-    with cli.progress(not quiet and not as_json) as stage:
+    with cli.progress() as stage:
         stage("filling the part with cells")
         model = planner.export(**cli.taken(planner.export, given | vars(loads)))
     path = model.write(output, force=force)
-    if cli.in_words(model.json, as_json, quiet):
+    if cli.in_words(model.json):
         _export_report(model)
         cli.say(f"wrote {path}")
     return 0
@@ -360,8 +356,6 @@ def design(
     no_page: bool = False,
     force: cli.Overwrite = False,
     force_oversize: cli.ForceOversize = False,
-    as_json: cli.AsJson = False,
-    quiet: cli.Quiet = False,
 ) -> int:
     """Find the gradient with which a part bends, stretches or holds as wanted, and plan its print.
 
@@ -436,7 +430,7 @@ def design(
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(LoadCase.read, case or ())
     ]
-    with cli.long_progress(not quiet and not as_json) as stage:
+    with cli.long_progress() as stage:
         asked = cli.taken(planner.design, given | vars(loads)) | {
             "cases": (*(() if cases is None else read_cases(cases)), *further),
             "start": folder if goes_on else None,
@@ -447,7 +441,7 @@ def design(
         made = planner.design(**asked)
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
-    if cli.in_words(made.json, as_json, quiet):
+    if cli.in_words(made.json):
         _design_report(made, folder)
     return cli.Kept(130) if made.interrupted else 0 if made.ok else 1
 
