@@ -478,37 +478,35 @@ _LONGEST, _UNSUREST = 50.0, 9.0
 """Above what the most stretchable gels reach, 20 to 30; and of ln(modulus), a factor of 8,000."""
 
 
-def _material(entry: _MaterialFile, name: str) -> Material:
-    where = f"palette {name}: material {entry.id!r}"
+def _faults(entry: _MaterialFile) -> Iterator[str]:
+    """Yield what types do not say of a material and is wrong with it."""
     if not re.fullmatch(r"[A-Za-z0-9._-]+", entry.id):
-        raise PaletteError(
-            f"{where}: the id goes into file names; use letters, digits, '.', '-' and '_'"
-        )
+        yield "the id goes into file names; use letters, digits, '.', '-' and '_'"
     if not math.isfinite(entry.coordinate):
-        raise PaletteError(f"{where}: coordinate is {entry.coordinate}; it must be finite")
+        yield f"coordinate is {entry.coordinate}; it must be finite"
     for key, value, most, such in (
         ("elongation_at_break", entry.elongation_at_break, _LONGEST, "a strain: 170 % are 1.7"),
         ("density_g_cm3", entry.density_g_cm3, DENSEST_G_CM3, "in g/cm3: 1140 kg/m3 are 1.14"),
     ):
         if not 0.0 < value < most:
-            raise PaletteError(
-                f"{where}: {key} is {value}; it must be above 0 and below {most:g}, {such}"
-            )
+            yield f"{key} is {value}; it must be above 0 and below {most:g}, {such}"
     for log_sd in (entry.modulus_log_sd, *(r.modulus_log_sd for r in entry.reading)):
         if not 0.0 <= log_sd < _UNSUREST:
-            raise PaletteError(
-                f"{where}: modulus_log_sd is {log_sd}; it must be from 0 to {_UNSUREST:g}"
-            )
+            yield f"modulus_log_sd is {log_sd}; it must be from 0 to {_UNSUREST:g}"
     at = entry.uncertainty or Uncertainty(0)
     rising = all(a < b for a, b in itertools.pairwise((-1.0, *at.strain, math.inf)))
     sure = all(0.0 <= v < _UNSUREST for v in at.log_sd)
     if not (len(at.strain) == len(at.log_sd) and rising and sure):
-        raise PaletteError(
-            f"{where}: uncertainty: strain and log_sd must be lists of one length, strain rising, "
-            f"log_sd from 0 to {_UNSUREST:g}"
-        )
+        lists = "strain and log_sd must be lists of one length, strain rising"
+        yield f"uncertainty: {lists}, log_sd from 0 to {_UNSUREST:g}"
     if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour or _GREY):
-        raise PaletteError(f"{where}: colour is {entry.colour!r}; write it as '#RRGGBB'")
+        yield f"colour is {entry.colour!r}; write it as '#RRGGBB'"
+
+
+def _material(entry: _MaterialFile, name: str) -> Material:
+    where = f"palette {name}: material {entry.id!r}"
+    for fault in _faults(entry):
+        raise PaletteError(f"{where}: {fault}")
     stated = msgspec.structs.asdict(entry) | {"colour": (entry.colour or _GREY).upper()}
     for key in ("law", "published"):
         stated[key] = stated[key] if stated[key] is None else _law(stated[key], f"{where}: {key}")
