@@ -5,7 +5,7 @@ from shlex import quote
 from typing import Annotated
 
 import typer
-from typer import Context, Option
+from typer import Option
 
 import planner
 from planner.cli import output as cli
@@ -30,7 +30,6 @@ def _gap(context: typer.Context) -> None:
 
 @cli.command(app)
 def diagnose(
-    context: Context,
     campaign: Path,
     palette: str | None = None,
     output: Annotated[Path | None, "--output", "-o"] = None,
@@ -65,7 +64,7 @@ def diagnose(
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
-    cli.check_targets(context, force=force, output=(output, "diagnosis.json"))
+    cli.check_targets(force=force, output=(output, "diagnosis.json"))
     with cli.progress() as stage:
         asked = cli.taken(planner.diagnose, given) | {
             "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
@@ -103,7 +102,6 @@ def _say_verdict(text: str) -> None:
 
 @cli.command(app)
 def correct(
-    context: Context,
     diagnosis: Path,
     palette: cli.PaletteName = None,
     temperature_C: Annotated[float | None, "--temperature-C"] = None,
@@ -153,7 +151,7 @@ def correct(
     """
     given = locals()
 
-    cli.check_targets(context, force=force, output=output)
+    cli.check_targets(force=force, output=output)
     made = planner.correct(**cli.taken(planner.correct, given))
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
@@ -190,7 +188,6 @@ def _correct_report(made: "planner.Correction", output: Path, options: str) -> N
 
 @cli.command(app)
 def design(
-    context: Context,
     *,
     effects: str,
     budget: int,
@@ -237,7 +234,7 @@ def design(
                 f"{output}: these effects may take graded bars, whose designs are files of their "
                 "own; name a folder with --output"
             )
-    cli.check_targets(context, force=False, output=output if listed else (output, None))
+    cli.check_targets(force=False, output=output if listed else (output, None))
     with cli.progress() as stage:
         made = planner.design_campaign(**cli.taken(planner.design_campaign, given), progress=stage)
     if listed:
@@ -342,7 +339,6 @@ def next_(campaign: Path) -> int:
 
 @cli.command(app)
 def simulate(
-    context: Context,
     *,
     design: Path,
     output: Annotated[Path, "--output", "-o"],
@@ -378,7 +374,7 @@ def simulate(
     given = locals()
     from planner.gap.virtual import stated_effect
 
-    cli.check_targets(context, force=False, output=(output, None))
+    cli.check_targets(force=False, output=(output, None))
     made = planner.synthesise_campaign(**cli.taken(planner.synthesise_campaign, given))
     planner.write_campaign(made, output)
     effects = [stated_effect(text, made.palette).text for text in effect or ()]

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Context, Option
+from typer import Argument, Option
 
 import planner
 from planner.cli import output as cli
@@ -23,7 +23,6 @@ _AtStrain = Annotated[
 
 
 def materials(
-    context: Context,
     names: Annotated[
         list[str] | None, Argument(help="Materials whose laws --as writes; all by default.")
     ] = None,
@@ -70,7 +69,7 @@ def materials(
         return 0
     if names:
         raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
-    cli.check_targets(context, force=force, figure=figure, output=output)
+    cli.check_targets(force=force, figure=figure, output=output)
     if output is not None:
         planner.write_palette(every, output, force=force)
     if figure is not None:
@@ -278,7 +277,6 @@ class _TensileTests:
 
 
 def characterise(
-    context: Context,
     files: _TensileFiles,
     output: Annotated[Path | None, "--output", "-o"] = None,
     *,
@@ -311,7 +309,7 @@ def characterise(
     from planner.materials.study import listed_files
 
     reads = listed_files(files, tests.specimens)
-    cli.check_targets(context, force=force, reads=reads, output=output, figure=figure)
+    cli.check_targets(force=force, reads=reads, output=output, figure=figure)
     found = planner.characterise(**cli.taken(planner.characterise, given | tests.given()))
     if output is not None:
         write_whole(output, found.csv())
@@ -400,7 +398,6 @@ def _tables(found: "planner.Characterisation") -> None:
 
 
 def fit(
-    context: Context,
     files: _TensileFiles,
     output: Annotated[Path, "--output", "-o"] = Path("palette.toml"),
     *,
@@ -460,7 +457,7 @@ def fit(
     from planner.materials.study import listed_files
 
     reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
-    cli.check_targets(context, force=force, reads=reads, **targets, tables=(tables, _TABLES))
+    cli.check_targets(force=force, reads=reads, **targets, tables=(tables, _TABLES))
     with cli.progress() as stage:
         result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
     planner.write_palette(result.palette, output, force=force)

@@ -43,6 +43,7 @@ __all__ = [
     "print_table",
     "progress",
     "say",
+    "stated",
     "taken",
     "tell_findings",
     "tell_notes",
@@ -127,15 +128,34 @@ def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:
         print(json.dumps(document, indent=2, ensure_ascii=False))
 
 
-asked: set[str] = set()
-"""Of `as_json` and `quiet`, the switches that the command which runs was given."""
+_running: list[Context] = []
+"""The command that runs, last."""
+
+
+def asked(*switches: str) -> bool:
+    """Tell whether the command that runs, if one does, was given one of some switches, or of all.
+
+    These are `as_json` and `quiet`.
+    """
+    names = switches or _SWITCHES
+    return any(context.params.get(name) for context in _running[-1:] for name in names)
+
+
+def stated() -> dict[str, Any]:
+    """Return the options that the command which runs was given; the others have their defaults."""
+    context = _running[-1]
+    return {
+        name: value
+        for name, value in context.params.items()
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
 
 
 def in_words(document: Callable[[], dict[str, Any] | bytes]) -> bool:
     """Print a result's document where JSON is asked for; tell whether it is to be said in words."""
-    if "as_json" in asked:
+    if asked("as_json"):
         print_document(document())
-    return not asked
+    return not asked()
 
 
 def print_table(
@@ -214,7 +234,7 @@ def progress(enabled: bool = True, *, layers: bool = False) -> Iterator[Callable
 
     Yielded is what is called with the stage; or where `layers` are made, with how many of how many.
     """
-    if asked or not (enabled and sys.stderr is not None and sys.stderr.isatty()):
+    if asked() or not (enabled and sys.stderr is not None and sys.stderr.isatty()):
         yield lambda *told: None
         return
     from rich import progress as shown
@@ -254,7 +274,7 @@ def long_progress() -> Iterator[Callable[[str], None]]:
                 left = spent * (1.0 - done) / done
                 stage += f"; about {f'{left / 60:.0f} min' if left > 90 else f'{left:.0f} s'} left"
             show(stage)
-            if not asked and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
+            if not asked() and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
                 said = now
                 _stderr_lines("working", "cyan", stage)
 
@@ -294,7 +314,7 @@ def command(
     """Add a function to the commands of an app; `_shown` tells what its options may be.
 
     Its docstring is the command's help, and where it has a section of parameters their help. Behind
-    them it has switches, which it is not given: they are `asked`, see `in_words`.
+    them it has switches, which it is not given: they are `asked`, for `in_words` as for `progress`.
     """
 
     def add(function: _Command) -> _Command:
@@ -305,14 +325,17 @@ def command(
             if is_dataclass(one.annotation):
                 groups[one.name] = one.annotation
             shown += _shown(one, texts)
+        own = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=Context)
         for switch in switches.split():
-            one = inspect.Parameter(switch, inspect.Parameter.KEYWORD_ONLY, default=False)
-            shown += _shown(one.replace(annotation=_SWITCHES[switch]), texts)
+            one = own.replace(name=switch, default=False, annotation=_SWITCHES[switch])
+            shown += _shown(one, texts)
+        shown.append(own)
 
         @functools.wraps(function)
-        def run(**given: Any) -> int:
-            asked.clear()
-            asked.update(switch for switch in switches.split() if given.pop(switch))
+        def run(context: Context, **given: Any) -> int:
+            _running.append(context)
+            context.call_on_close(_running.pop)
+            given = {name: value for name, value in given.items() if name not in _SWITCHES}
             for name, group in groups.items():
                 given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
             return function(**given)
@@ -350,7 +373,7 @@ def _shown(one: inspect.Parameter, texts: Mapping[str, str]) -> Iterator[inspect
         return
     is_annotated = get_origin(one.annotation) is Annotated
     kind, *told = get_args(one.annotation) if is_annotated else [one.annotation]
-    if kind is not Context and all(isinstance(each, str) for each in told):
+    if all(isinstance(each, str) for each in told):
         names = [each for each in told if each.startswith("-")]
         said = next((each for each in told if each not in names), texts.get(one.name))
         if not names and one.default is False:
@@ -405,13 +428,11 @@ def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, A
     return {name: value for name, value in given.items() if name in names and value is not None}
 
 
-def check_targets(
-    context: Context,
-    *,
-    force: bool,
-    reads: Iterable[Path] = (),
-    **targets: Path | tuple[Path | None, str | None] | None,
-) -> None:
+_Target = Path | tuple[Path | None, str | None] | None
+"""A file; or a folder with its record, see `check_target`; None of an option that is not given."""
+
+
+def check_targets(*, force: bool, reads: Iterable[Path] = (), **targets: _Target) -> None:
     """Refuse targets that cannot be written; keep the others for this command until it ends.
 
     Refused is what is there already, is no file, is a figure but no SVG, is named twice, or is read
@@ -419,26 +440,23 @@ def check_targets(
 
     Parameters
     ----------
-    context
-        The command's own.
     reads
         Files that the command reads though none of its arguments names them.
     targets
-        Files to write, by the option that names each; None where it is not given. A folder stands
-        with its record; see `check_target`.
+        Files and folders to write, by the option that names each.
     """
     from planner.formats.outputs import check_absent, check_target, claimed, is_stream
 
-    figure = targets.get("figure")
+    context, figure = _running[-1], targets.get("figure")
     if isinstance(figure, Path) and figure.suffix.casefold() != ".svg":
         raise ArgumentError(f"--figure {figure}: its ending must be .svg")
-    asked = {name: one if isinstance(one, tuple) else (one, "") for name, one in targets.items()}
-    places = {option: path for option, (path, _) in asked.items() if path is not None}
+    wanted = {name: one if isinstance(one, tuple) else (one, "") for name, one in targets.items()}
+    places = {option: path for option, (path, _) in wanted.items() if path is not None}
     _refuse_sharing(places)
     there = any(path.exists() for path in places.values())
     read = [*reads, *_files_read(context, targets)] if there else []
     for option, path in places.items():
-        if (record := asked[option][1]) == "":
+        if (record := wanted[option][1]) == "":
             _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
             check_absent(path, force=force)
             continue
@@ -447,13 +465,13 @@ def check_targets(
         kept = check_target(path, force=force, record=record, option=option)
         inside = [f for f in read if _real(f).is_relative_to(_real(path))]
         _refuse_reading(option, path, inside, "a file in that folder")
-        if kept and not context.params.get("quiet"):
+        if kept and not asked("quiet"):
             more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
             warn(f"{path} keeps {', '.join(kept[:5])}{more}, which planner did not write")
     for path in places.values():
         if not is_stream(path):
             context.with_resource(claimed(path, force=force))
-        elif context.params.get("as_json"):
+        elif asked("as_json"):
             raise ArgumentError(f"{path}: --json prints there, too; name a file")
         else:  # what is said goes elsewhere
             context.with_resource(contextlib.redirect_stdout(sys.stderr))

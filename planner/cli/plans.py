@@ -12,8 +12,6 @@ from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
-from typer import Context
-
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, Caution
@@ -24,7 +22,6 @@ from planner.glance import format_number
 
 
 def grade(
-    context: Context,
     part: Path,
     like: Path | None = None,
     *,
@@ -133,7 +130,7 @@ def grade(
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
-        cli.check_targets(context, force=force, output=(folder, "plan.json"))
+        cli.check_targets(force=force, output=(folder, "plan.json"))
     if nothing_kept():
         _start()
     with cli.progress() as stage:
@@ -305,7 +302,6 @@ def _equality(found: "Sequence[planner.Difference]") -> dict[str, Any]:
 
 
 def compare(
-    context: Context,
     before: Path,
     after: Path,
     output: Annotated[Path, "--output", "-o"] = Path("compare.html"),
@@ -334,7 +330,7 @@ def compare(
     """
     from planner.formats.outputs import write_whole
 
-    cli.check_targets(context, force=force, output=output)
+    cli.check_targets(force=force, output=output)
     with cli.progress() as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
@@ -348,7 +344,6 @@ def compare(
 
 
 def slices(
-    context: Context,
     plan: Path,
     output: Annotated[Path, "--output", "-o"],
     pitch_mm: Annotated[str | None, "--pitch"] = None,
@@ -381,13 +376,13 @@ def slices(
         Replace an earlier stack there.
     """
     given = locals()
-    cli.check_targets(context, force=force, output=(output, "slices.json"))
+    cli.check_targets(force=force, output=(output, "slices.json"))
     given = {**given, "pitch_mm": None if pitch_mm is None else _lengths(pitch_mm)}
     with cli.progress(layers=True) as advance:
         stack = planner.write_slices(**cli.taken(planner.write_slices, given), progress=advance)
     if cli.in_words(stack.json):
         _slices_report(stack, output)
-    if "quiet" not in cli.asked:
+    if not cli.asked("quiet"):
         cli.finding(*stack.findings)
     return 0 if stack.ok else 1
 

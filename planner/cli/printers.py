@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from typer import Context
 
 import planner
 from planner.cli import output as cli
@@ -95,7 +94,6 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 @cli.command(app, switches="")
 def new(
-    context: Context,
     name: str,
     like: str = "connex3",
     output: Annotated[Path | None, "--output", "-o"] = None,
@@ -118,7 +116,7 @@ def new(
     if not _NAME.fullmatch(name):
         raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
     folder = Path(f"{name}-printer") if output is None else output
-    cli.check_targets(context, force=False, output=(folder, None))
+    cli.check_targets(force=False, output=(folder, None))
     package = f"{name.replace('-', '_')}_printer"
     write_folder(folder, _plugin(name, package, planner.load_printer(like)))
     profile = folder / package / "printer.toml"
@@ -179,7 +177,6 @@ _Kind = Literal["printer", "palette", "campaign"]
 
 
 def schema(
-    context: Context,
     kind: _Kind,
     output: Annotated[Path | None, "--output", "-o"] = None,
     force: cli.Overwrite = False,
@@ -200,7 +197,7 @@ def schema(
     """
     from planner.formats.outputs import write_whole
 
-    cli.check_targets(context, force=force, output=output)
+    cli.check_targets(force=force, output=output)
     if output is None:
         cli.print_document(_encoded(kind))
         return 0

@@ -6,8 +6,6 @@ from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Context
-
 import planner
 from planner.cli import output as cli
 from planner.errors import ArgumentError, refused
@@ -25,7 +23,6 @@ _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
 
 
 def simulate(
-    context: Context,
     source: str,
     *,
     loads: cli.LoadOptions,
@@ -127,11 +124,7 @@ def simulate(
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
                    vtu=(vtu, ".vtu"), volume=(volume, ".vtu"), page=(page, ".html"))  # fmt: skip
-    given = {
-        name: value
-        for name, value in context.params.items()
-        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
-    }
+    given = cli.stated()
     seen = tuple(watch or ())
     own = planner.LoadCase(watch=seen, **{k: v for k, v in vars(loads).items() if v is not None})
     held = [] if own.is_empty else [own]
@@ -172,7 +165,7 @@ def simulate(
         for number in range(1, max(len(held), 1) + 1)
     ]
     for paths in each:
-        cli.check_targets(context, force=force, reads=(), **whole_files, **paths)
+        cli.check_targets(force=force, reads=(), **whole_files, **paths)
     with cli.progress(whole) as stage:
         asked = cli.taken(solve, given) | ({"cases": held, "progress": stage} if whole else {})
         results = solve(**asked) if whole else (solve(**asked),)
@@ -251,7 +244,6 @@ def _bar_report(results: "Sequence[planner.Simulation]") -> None:
 
 
 def export(
-    context: Context,
     source: str,
     *,
     to: str,
@@ -290,7 +282,7 @@ def export(
         reaches under its loads, or the break.
     """
     given = locals()
-    cli.check_targets(context, force=force, output=output)
+    cli.check_targets(force=force, output=output)
     _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     with cli.progress() as stage:
         stage("filling the part with cells")
@@ -325,7 +317,6 @@ def _export_report(model: "planner.Export") -> None:
 
 
 def design(
-    context: Context,
     part: Path,
     *,
     from_: Annotated[str, "--from"],
@@ -425,7 +416,7 @@ def design(
     folder = Path(f"{part.stem}-designed") if output is None else output
     goes_on = interrupted_design(folder)
     force = force or goes_on
-    cli.check_targets(context, force=force, output=(folder, "plan.json"))
+    cli.check_targets(force=force, output=(folder, "plan.json"))
     further = [
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(LoadCase.read, case or ())
