@@ -60,16 +60,14 @@ def diagnose(
     force
         Replace a folder that an earlier diagnosis wrote.
     """
-    given = locals()
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
     cli.check_targets(force=force, output=(output, "diagnosis.json"))
     with cli.progress() as stage:
-        asked = cli.taken(planner.diagnose, given) | {
-            "progress": lambda done, total, what: stage(f"{what}, {done} of {total}")
-        }
-        found = planner.diagnose(**asked)
+        found = cli.result(
+            planner.diagnose, progress=lambda done, total, what: stage(f"{what}, {done} of {total}")
+        )
         if output is not None:
             stage("writing the files")
             planner.write_diagnosis(found, output, force=force)
@@ -149,10 +147,8 @@ def correct(
     force
         Replace a file that is there.
     """
-    given = locals()
-
     cli.check_targets(force=force, output=output)
-    made = planner.correct(**cli.taken(planner.correct, given))
+    made = cli.result(planner.correct)
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
     file = output.name if made.corrected else None
@@ -220,7 +216,6 @@ def design(
     gauge_mm
         Gauge length of the specimens.
     """
-    given = locals()
     from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
     from planner.gap.campaign_folder import specimens_csv
@@ -236,7 +231,7 @@ def design(
             )
     cli.check_targets(force=False, output=output if listed else (output, None))
     with cli.progress() as stage:
-        made = planner.design_campaign(**cli.taken(planner.design_campaign, given), progress=stage)
+        made = cli.result(planner.design_campaign, progress=stage)
     if listed:
         write_whole(output, specimens_csv(made.campaign))
     else:
@@ -371,11 +366,10 @@ def simulate(
     camera
         See the strain along planned bars, too.
     """
-    given = locals()
     from planner.gap.virtual import stated_effect
 
     cli.check_targets(force=False, output=(output, None))
-    made = planner.synthesise_campaign(**cli.taken(planner.synthesise_campaign, given))
+    made = cli.result(planner.synthesise_campaign)
     planner.write_campaign(made, output)
     effects = [stated_effect(text, made.palette).text for text in effect or ()]
     said = {"schema": 1, "simulated": made.notes, "effects": effects}

@@ -266,10 +266,9 @@ class _TensileTests:
     palette: str | None = None
     compare: bool = True
 
-    def given(self) -> dict[str, Any]:
-        """Return them by the names that the functions have."""
-        names = self.columns and [name.strip() for name in self.columns.split(",")]
-        return {**vars(self), "columns": names}
+    def headings(self) -> Sequence[str] | None:
+        """Return the headings in place of the files' own, if there are any."""
+        return self.columns and [name.strip() for name in self.columns.split(",")]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -303,14 +302,13 @@ def characterise(
     figure
         SVG file to write: each curve with its toe, modulus, yield and break.
     """
-    given = locals()
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
 
     reads = listed_files(files, tests.specimens)
     cli.check_targets(force=force, reads=reads, output=output, figure=figure)
-    found = planner.characterise(**cli.taken(planner.characterise, given | tests.given()))
+    found = cli.result(planner.characterise, columns=tests.headings())
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
@@ -446,11 +444,12 @@ def fit(
     tables
         Folder to write: the tables as CSV, with intervals.
     """
-    given = locals() | {
+    instead = {
         "name": name or output.stem,
         "coordinate": _figures(coordinate, "--coordinate"),
         "order": order and [each.strip() for each in order.split(",")],
         "density": _figures(density, "--density"),
+        "columns": tests.headings(),
     }
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_folder, write_whole
@@ -459,7 +458,7 @@ def fit(
     reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
     cli.check_targets(force=force, reads=reads, **targets, tables=(tables, _TABLES))
     with cli.progress() as stage:
-        result = planner.fit(**cli.taken(planner.fit, given | tests.given()), progress=stage)
+        result = cli.result(planner.fit, **instead, progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))

@@ -42,6 +42,7 @@ __all__ = [
     "print_document",
     "print_table",
     "progress",
+    "result",
     "say",
     "stated",
     "taken",
@@ -128,8 +129,8 @@ def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:
         print(json.dumps(document, indent=2, ensure_ascii=False))
 
 
-_running: list[Context] = []
-"""The command that runs, last."""
+_running: list[tuple[Context, dict[str, Any]]] = []
+"""Last the command that runs: what typer knows of it, and its options but for switches."""
 
 
 def asked(*switches: str) -> bool:
@@ -138,12 +139,12 @@ def asked(*switches: str) -> bool:
     These are `as_json` and `quiet`.
     """
     names = switches or _SWITCHES
-    return any(context.params.get(name) for context in _running[-1:] for name in names)
+    return any(context.params.get(name) for context, _ in _running[-1:] for name in names)
 
 
 def stated() -> dict[str, Any]:
     """Return the options that the command which runs was given; the others have their defaults."""
-    context = _running[-1]
+    context, _ = _running[-1]
     return {
         name: value
         for name, value in context.params.items()
@@ -306,6 +307,7 @@ PaletteName = Annotated[str | None, "Palette file (TOML), or one of the printer'
 
 
 _Command = TypeVar("_Command", bound=Callable[..., int])
+_Result = TypeVar("_Result")
 
 
 def command(
@@ -333,9 +335,9 @@ def command(
 
         @functools.wraps(function)
         def run(context: Context, **given: Any) -> int:
-            _running.append(context)
-            context.call_on_close(_running.pop)
             given = {name: value for name, value in given.items() if name not in _SWITCHES}
+            _running.append((context, given.copy()))
+            context.call_on_close(_running.pop)
             for name, group in groups.items():
                 given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
             return function(**given)
@@ -428,6 +430,11 @@ def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, A
     return {name: value for name, value in given.items() if name in names and value is not None}
 
 
+def result(function: Callable[..., _Result], **instead: Any) -> _Result:
+    """Return what the function of the command that runs makes of its options, but for some."""
+    return function(**taken(function, _running[-1][1] | instead))
+
+
 _Target = Path | tuple[Path | None, str | None] | None
 """A file; or a folder with its record, see `check_target`; None of an option that is not given."""
 
@@ -447,7 +454,7 @@ def check_targets(*, force: bool, reads: Iterable[Path] = (), **targets: _Target
     """
     from planner.formats.outputs import check_absent, check_target, claimed, is_stream
 
-    context, figure = _running[-1], targets.get("figure")
+    (context, _), figure = _running[-1], targets.get("figure")
     if isinstance(figure, Path) and figure.suffix.casefold() != ".svg":
         raise ArgumentError(f"--figure {figure}: its ending must be .svg")
     wanted = {name: one if isinstance(one, tuple) else (one, "") for name, one in targets.items()}

@@ -121,12 +121,11 @@ def grade(
         show one object; bambu, orca and cura open the 3MF that is written by default; see
         docs/how-to/open-in-a-slicer.md.
     """
-    given = locals()
     from planner.compilation_cache import nothing_kept
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
-    given = {**given, "printer": limits.printer(printer, like)}
+    machine = limits.printer(printer, like)
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
@@ -134,7 +133,7 @@ def grade(
     if nothing_kept():
         _start()
     with cli.progress() as stage:
-        plan = planner.grade(**cli.taken(planner.grade, given), progress=stage)
+        plan = cli.result(planner.grade, printer=machine, progress=stage)
         kept = not dry_run and (plan.ok or not strict)
         if kept:
             stage("writing the files")
@@ -375,11 +374,10 @@ def slices(
     force
         Replace an earlier stack there.
     """
-    given = locals()
     cli.check_targets(force=force, output=(output, "slices.json"))
-    given = {**given, "pitch_mm": None if pitch_mm is None else _lengths(pitch_mm)}
+    pitch = None if pitch_mm is None else _lengths(pitch_mm)
     with cli.progress(layers=True) as advance:
-        stack = planner.write_slices(**cli.taken(planner.write_slices, given), progress=advance)
+        stack = cli.result(planner.write_slices, pitch_mm=pitch, progress=advance)
     if cli.in_words(stack.json):
         _slices_report(stack, output)
     if not cli.asked("quiet"):

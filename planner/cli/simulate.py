@@ -281,12 +281,11 @@ def export(
         Strain up to which CalculiX' laws follow the palette; by default 1.5 times what the part
         reaches under its loads, or the break.
     """
-    given = locals()
     cli.check_targets(force=force, output=output)
     _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     with cli.progress() as stage:
         stage("filling the part with cells")
-        model = planner.export(**cli.taken(planner.export, given | vars(loads)))
+        model = cli.result(planner.export)
     path = model.write(output, force=force)
     if cli.in_words(model.json):
         _export_report(model)
@@ -409,7 +408,6 @@ def design(
     no_page
         Leave plan.html out.
     """
-    given = locals()
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import LoadCase, read_cases
 
@@ -422,14 +420,13 @@ def design(
         for one in map(LoadCase.read, case or ())
     ]
     with cli.long_progress() as stage:
-        asked = cli.taken(planner.design, given | vars(loads)) | {
+        instead = {
             "cases": (*(() if cases is None else read_cases(cases)), *further),
             "start": folder if goes_on else None,
             "steps": 0 if no_page else _STEPS,
             "printer": limits.printer(printer),
-            "progress": stage,
         }
-        made = planner.design(**asked)
+        made = cli.result(planner.design, **instead, progress=stage)
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
     if cli.in_words(made.json):

@@ -14,7 +14,7 @@ COMMANDS = {
     f"{module.__name__.rpartition('.')[2]} {name}": inspect.unwrap(command)
     for module in (gap, materials, plans, simulate)
     for name, command in vars(module).items()
-    if inspect.isfunction(command) and "taken(planner." in inspect.getsource(command)
+    if inspect.isfunction(command) and "cli.result(" in inspect.getsource(command)
 }
 
 
@@ -24,20 +24,19 @@ def test_the_commands_that_pass_options_on_are_found():
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_no_option_is_lost(command):
-    """`taken` leaves out what the function has no parameter for; the command must read that."""
+    """`result` leaves out what the function has no parameter for; the command must read that."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(command)))
-    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_named(n.func, "taken")]
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_named(n.func, "result")]
     read = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+    whole = {n.func.value.id for n in ast.walk(tree) if is_named(getattr(n, "func", 0), "printer")}
     parameters = inspect.signature(command).parameters.values()
     assert calls
     for call in calls:
-        function, given = call.args
-        takes = {*inspect.signature(getattr(planner, function.attr)).parameters}
-        lost = {p.name for p in parameters} - takes - read
-        within = {n.id for n in ast.walk(given) if isinstance(n, ast.Name)}
-        for group in parameters:
-            if is_dataclass(group.annotation) and group.name in within:
-                lost |= {field.name for field in fields(group.annotation)} - takes
+        takes = {*inspect.signature(getattr(planner, call.args[0].attr)).parameters}
+        groups = {p.name: p.annotation for p in parameters if is_dataclass(p.annotation)}
+        lost = {p.name for p in parameters} - takes - read - {*groups}
+        for name in groups.keys() - whole:  # what is left of a group makes a printer
+            lost |= {field.name for field in fields(groups[name])} - takes
         assert not lost
 
 
