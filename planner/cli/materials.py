@@ -56,9 +56,7 @@ def materials(
 
     if output is not None and temperature_C is None:
         raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
-    scale = planner.list_materials(
-        printer=printer, palette=palette, at_strain=at_strain, temperature_C=temperature_C
-    )
+    scale = cli.result(planner.list_materials)
     every = scale.palette
     if as_program is not None:
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials

@@ -45,7 +45,6 @@ __all__ = [
     "result",
     "say",
     "stated",
-    "taken",
     "tell_findings",
     "tell_notes",
     "terminal_width",
@@ -421,18 +420,14 @@ class PrinterLimits:
         )
 
 
-def taken(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of a command's options that its function takes, under the same names.
-
-    What is not given is left out: the defaults are the same.
-    """
-    names = inspect.signature(function).parameters
-    return {name: value for name, value in given.items() if name in names and value is not None}
-
-
 def result(function: Callable[..., _Result], **instead: Any) -> _Result:
-    """Return what the function of the command that runs makes of its options, but for some."""
-    return function(**taken(function, _running[-1][1] | instead))
+    """Return what a function makes of those options of the command that runs which it takes.
+
+    It has them under the same names, some with another value `instead`. What is not given is left
+    out: the defaults are the same.
+    """
+    names, given = inspect.signature(function).parameters, _running[-1][1] | instead
+    return function(**{n: value for n, value in given.items() if n in names and value is not None})
 
 
 _Target = Path | tuple[Path | None, str | None] | None

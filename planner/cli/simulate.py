@@ -141,8 +141,7 @@ def simulate(
         if name in given and name not in takes:
             told = ", ".join(given[name]) if name == "watch" else given[name]
             raise ArgumentError(f"`{name}` {told}: {why}")
-    if between_mm is not None:
-        given["between_mm"] = _between(between_mm)
+    between = None if between_mm is None else _between(between_mm)
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
     files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
@@ -167,8 +166,8 @@ def simulate(
     for paths in each:
         cli.check_targets(force=force, reads=(), **whole_files, **paths)
     with cli.progress(whole) as stage:
-        asked = cli.taken(solve, given) | ({"cases": held, "progress": stage} if whole else {})
-        results = solve(**asked) if whole else (solve(**asked),)
+        found = cli.result(solve, between_mm=between, cases=held, progress=stage)
+        results = found if whole else (found,)
         if page is not None:
             stage("making the page")
             write_whole(page, planner.part_page(results))

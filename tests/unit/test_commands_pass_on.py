@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 import textwrap
 from dataclasses import fields, is_dataclass
 
@@ -14,7 +15,8 @@ COMMANDS = {
     f"{module.__name__.rpartition('.')[2]} {name}": inspect.unwrap(command)
     for module in (gap, materials, plans, simulate)
     for name, command in vars(module).items()
-    if inspect.isfunction(command) and "cli.result(" in inspect.getsource(command)
+    if inspect.isfunction(command)
+    if re.search(r"cli\.result\(\s*planner\.", inspect.getsource(command))
 }
 
 
