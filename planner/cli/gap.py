@@ -32,7 +32,7 @@ def _gap(context: typer.Context) -> None:
 def diagnose(
     campaign: Path,
     palette: str | None = None,
-    output: Annotated[Path | None, "--output", "-o"] = None,
+    output: cli.Output = None,
     without: list[str] | None = None,
     unit_of: list[str] | None = None,
     seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,

@@ -30,7 +30,7 @@ def materials(
     palette: cli.PaletteName = None,
     at_strain: _AtStrain = 0.1,
     temperature_C: Annotated[float | None, "--temperature-C"] = None,
-    output: Annotated[Path | None, "--output", "-o"] = None,
+    output: cli.Output = None,
     figure: Path | None = None,
     as_program: Annotated[str | None, "--as"] = None,
     force: cli.Overwrite = False,
@@ -275,7 +275,7 @@ class _TensileTests:
 
 def characterise(
     files: _TensileFiles,
-    output: Annotated[Path | None, "--output", "-o"] = None,
+    output: cli.Output = None,
     *,
     tests: _TensileTests,
     at_strain: list[float] | None = None,

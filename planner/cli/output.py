@@ -28,6 +28,7 @@ __all__ = [
     "LoadOptions",
     "MeshBodies",
     "MeshUnit",
+    "Output",
     "Overwrite",
     "PaletteName",
     "PrinterLimits",
@@ -529,6 +530,7 @@ def _real(path: Path) -> Path:
 # Options of the commands that take whole parts, and write files.
 
 
+Output = Annotated[Path | None, "--output", "-o"]
 Overwrite = Annotated[bool, "--force", "Replace files that are there."]
 ForceOversize = Annotated[
     bool, "--force-oversize", "Plan a part that the printer's tray does not hold."

@@ -42,7 +42,7 @@ def grade(
     printer: str | None = None,
     limits: cli.PrinterLimits,
     palette: cli.PaletteName = None,
-    output: Annotated[Path | None, "--output", "-o"] = None,
+    output: cli.Output = None,
     force: bool = False,
     force_oversize: cli.ForceOversize = False,
     coupons: bool = False,

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
@@ -93,11 +93,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 @cli.command(app, switches="")
-def new(
-    name: str,
-    like: str = "connex3",
-    output: Annotated[Path | None, "--output", "-o"] = None,
-) -> int:
+def new(name: str, like: str = "connex3", output: cli.Output = None) -> int:
     """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.
 
     Example: [bold]planner printers new myjet[/bold]
@@ -176,11 +172,7 @@ def _plugin(name: str, package: str, base: "planner.Printer") -> dict[str, bytes
 _Kind = Literal["printer", "palette", "campaign"]
 
 
-def schema(
-    kind: _Kind,
-    output: Annotated[Path | None, "--output", "-o"] = None,
-    force: cli.Overwrite = False,
-) -> int:
+def schema(kind: _Kind, output: cli.Output = None, force: cli.Overwrite = False) -> int:
     """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.
 
     Editors that know TOML (taplo, Even Better TOML) follow a first line
