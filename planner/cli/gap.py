@@ -65,7 +65,7 @@ def diagnose(
 
     cli.check_targets(force=force, output=(output, "diagnosis.json"))
     with cli.progress() as stage:
-        found = cli.result(
+        found = cli.run(
             planner.diagnose, progress=lambda done, total, what: stage(f"{what}, {done} of {total}")
         )
         if output is not None:
@@ -148,7 +148,7 @@ def correct(
         Replace a file that is there.
     """
     cli.check_targets(force=force, output=output)
-    made = cli.result(planner.correct)
+    made = cli.run(planner.correct)
     if made.corrected:
         planner.write_palette(made.palette, output, force=force)
     file = output.name if made.corrected else None
@@ -231,7 +231,7 @@ def design(
             )
     cli.check_targets(force=False, output=output if listed else (output, None))
     with cli.progress() as stage:
-        made = cli.result(planner.design_campaign, progress=stage)
+        made = cli.run(planner.design_campaign, progress=stage)
     if listed:
         write_whole(output, specimens_csv(made.campaign))
     else:
@@ -369,7 +369,7 @@ def simulate(
     from planner.gap.virtual import stated_effect
 
     cli.check_targets(force=False, output=(output, None))
-    made = cli.result(planner.synthesise_campaign)
+    made = cli.run(planner.synthesise_campaign)
     planner.write_campaign(made, output)
     effects = [stated_effect(text, made.palette).text for text in effect or ()]
     said = {"schema": 1, "simulated": made.notes, "effects": effects}

@@ -56,7 +56,7 @@ def materials(
 
     if output is not None and temperature_C is None:
         raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
-    scale = cli.result(planner.list_materials)
+    scale = cli.run(planner.list_materials)
     every = scale.palette
     if as_program is not None:
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
@@ -306,7 +306,7 @@ def characterise(
 
     reads = listed_files(files, tests.specimens)
     cli.check_targets(force=force, reads=reads, output=output, figure=figure)
-    found = cli.result(planner.characterise, columns=tests.headings())
+    found = cli.run(planner.characterise, columns=tests.headings())
     if output is not None:
         write_whole(output, found.csv())
     if figure is not None:
@@ -456,7 +456,7 @@ def fit(
     reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
     cli.check_targets(force=force, reads=reads, **targets, tables=(tables, _TABLES))
     with cli.progress() as stage:
-        result = cli.result(planner.fit, **instead, progress=stage)
+        result = cli.run(planner.fit, **instead, progress=stage)
     planner.write_palette(result.palette, output, force=force)
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))

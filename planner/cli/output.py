@@ -43,7 +43,7 @@ __all__ = [
     "print_document",
     "print_table",
     "progress",
-    "result",
+    "run",
     "say",
     "stated",
     "tell_findings",
@@ -421,8 +421,8 @@ class PrinterLimits:
         )
 
 
-def result(function: Callable[..., _Result], **instead: Any) -> _Result:
-    """Return what a function makes of those options of the command that runs which it takes.
+def run(function: Callable[..., _Result], **instead: Any) -> _Result:
+    """Run a function with those options of the command that runs which it takes.
 
     It has them under the same names, some with another value `instead`. What is not given is left
     out: the defaults are the same.

@@ -133,7 +133,7 @@ def grade(
     if nothing_kept():
         _start()
     with cli.progress() as stage:
-        plan = cli.result(planner.grade, printer=machine, progress=stage)
+        plan = cli.run(planner.grade, printer=machine, progress=stage)
         kept = not dry_run and (plan.ok or not strict)
         if kept:
             stage("writing the files")
@@ -377,7 +377,7 @@ def slices(
     cli.check_targets(force=force, output=(output, "slices.json"))
     pitch = None if pitch_mm is None else _lengths(pitch_mm)
     with cli.progress(layers=True) as advance:
-        stack = cli.result(planner.write_slices, pitch_mm=pitch, progress=advance)
+        stack = cli.run(planner.write_slices, pitch_mm=pitch, progress=advance)
     if cli.in_words(stack.json):
         _slices_report(stack, output)
     if not cli.asked("quiet"):

@@ -166,7 +166,7 @@ def simulate(
     for paths in each:
         cli.check_targets(force=force, reads=(), **whole_files, **paths)
     with cli.progress(whole) as stage:
-        found = cli.result(solve, between_mm=between, cases=held, progress=stage)
+        found = cli.run(solve, between_mm=between, cases=held, progress=stage)
         results = found if whole else (found,)
         if page is not None:
             stage("making the page")
@@ -284,7 +284,7 @@ def export(
     _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
     with cli.progress() as stage:
         stage("filling the part with cells")
-        model = cli.result(planner.export)
+        model = cli.run(planner.export)
     path = model.write(output, force=force)
     if cli.in_words(model.json):
         _export_report(model)
@@ -425,7 +425,7 @@ def design(
             "steps": 0 if no_page else _STEPS,
             "printer": limits.printer(printer),
         }
-        made = cli.result(planner.design, **instead, progress=stage)
+        made = cli.run(planner.design, **instead, progress=stage)
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
     if cli.in_words(made.json):

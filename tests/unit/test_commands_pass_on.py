@@ -16,7 +16,7 @@ COMMANDS = {
     for module in (gap, materials, plans, simulate)
     for name, command in vars(module).items()
     if inspect.isfunction(command)
-    if re.search(r"cli\.result\(\s*planner\.", inspect.getsource(command))
+    if re.search(r"cli\.run\(\s*planner\.", inspect.getsource(command))
 }
 
 
@@ -26,9 +26,9 @@ def test_the_commands_that_pass_options_on_are_found():
 
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_no_option_is_lost(command):
-    """`result` leaves out what the function has no parameter for; the command must read that."""
+    """`run` leaves out what the function has no parameter for; the command must read that."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(command)))
-    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_named(n.func, "result")]
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and is_named(n.func, "run")]
     read = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
     whole = {n.func.value.id for n in ast.walk(tree) if is_named(getattr(n, "func", 0), "printer")}
     parameters = inspect.signature(command).parameters.values()
