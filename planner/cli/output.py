@@ -320,18 +320,13 @@ def command(
     """
 
     def add(function: _Command) -> _Command:
-        shown: list[inspect.Parameter] = []
         told, texts = _documented(function)
-        groups: dict[str, Any] = {}
-        for one in inspect.signature(function).parameters.values():
-            if is_dataclass(one.annotation):
-                groups[one.name] = one.annotation
-            shown += _shown(one, texts)
-        own = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=Context)
+        own = [*inspect.signature(function).parameters.values()]
+        groups: Any = {one.name: one.annotation for one in own if is_dataclass(one.annotation)}
+        last = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=Context)
         for switch in switches.split():
-            one = own.replace(name=switch, default=False, annotation=_SWITCHES[switch])
-            shown += _shown(one, texts)
-        shown.append(own)
+            own.append(last.replace(name=switch, default=False, annotation=_SWITCHES[switch]))
+        shown = [*itertools.chain(*(_shown(one, texts) for one in own)), last]
 
         @functools.wraps(function)
         def run(context: Context, **given: Any) -> int:
