@@ -979,7 +979,7 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     )
     if named is not None:
         names = _carried(record.cells(named))
-        counts = len(set(names)) == len(lined)
+        counts = len(set(names)) == len(lined) and all(map(grid.is_number, names))
         # Else a list of specimens beside their records.
         if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
             named = None

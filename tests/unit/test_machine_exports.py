@@ -1038,3 +1038,12 @@ def test_results_a_row_a_test_are_told(tmp_path: Path, tests: int) -> None:
     (tmp_path / "a.csv").write_text("Test,Load (N),Extension (mm)\n" + rows)
     with pytest.raises(FileError, match=r"not a row a test|if a row is a test, export curves"):
         read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("names", ["S{}", "TPU {}", "{}a"])
+def test_results_that_rise_are_no_curve(tmp_path: Path, names: str) -> None:
+    """Specimens by name, the strongest last: their loads at break were one specimen's curve."""
+    rows = "".join(f"{names.format(n)},{3 + 2 * n},{20 + 3 * n}\n" for n in range(1, 12))
+    (tmp_path / "a.csv").write_text("Sample,Load (N),Extension (mm)\n" + rows)
+    with pytest.raises(FileError, match="not a row a test"):
+        read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
