@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -62,11 +63,18 @@ class LawParameters:
     model
         A key of `LAW_PARAMETERS`.
     parameters
-        Values by symbol; a scalar in the file is a tuple of one.
+        Values by symbol, which stay as they are: a palette is read once and known by its hash. A
+        scalar in the file is a tuple of one.
     """
 
     model: str
     parameters: Mapping[str, tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LawParameters, (self.model, dict(self.parameters))  # a proxy cannot be pickled
 
     def stiffened(self, factor: float) -> "LawParameters":
         """Return the law whose stress is `factor` times this one's: its moduli are."""

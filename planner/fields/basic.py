@@ -112,7 +112,7 @@ def project(points_mm: FloatArray, direction: Sequence[float]) -> FloatArray:
 def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
-        text = axis.strip().lower()
+        text = axis.strip().lower().replace("\N{MINUS SIGN}", "-")
         parts: Sequence[object] = _DIRECTIONS.get(text, text).split(",")
     else:
         parts = list(axis) if np.iterable(axis) else []

@@ -66,7 +66,8 @@ class LoadCase:
 
     def __post_init__(self) -> None:
         for key in _TEXTS:
-            object.__setattr__(self, key, as_texts(getattr(self, key), f"`{key}`"))
+            texts = as_texts(getattr(self, key), f"`{key}`")
+            object.__setattr__(self, key, tuple(_PRINTED_MINUS.sub("-", text) for text in texts))
 
     @property
     def is_empty(self) -> bool:
@@ -125,6 +126,9 @@ class LoadCase:
         gravity = held.pop("gravity", [None])[-1]
         return cls(name=name, gravity=gravity, **held)
 
+
+_PRINTED_MINUS = re.compile(r"(?<=[:=<>,\s])\N{MINUS SIGN}")
+"""The minus of a page that a load is copied from, before a figure; a file's name keeps its own."""
 
 _TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch", "limit")
 _KEYS = (*_TEXTS, "gravity")

@@ -847,8 +847,9 @@ def _notes(body: "Body") -> Iterator[str]:
     if float(cells.cell_mm.max()) > thick_mm:
         # The finger, 2.5 mm on average: cells of 2 mm are 3 % stiff, of 3 mm 7 %.
         yield (
-            f"walls are {thick_mm:.2g} mm thick on average, less than a cell: the part may come "
-            f"out a tenth too stiff, also where larger cells agree; try {0.75 * thick_mm:.2g} mm"
+            f"twice the part's volume over its surface is {thick_mm:.2g} mm, less than a cell: it "
+            "may come out a tenth too stiff, also where larger cells agree; try "
+            f"{0.75 * thick_mm:.2g} mm"
         )
     yield (
         "the palette's laws are of tension; what compression and stretch in two directions do is "

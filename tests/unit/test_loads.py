@@ -320,3 +320,16 @@ def test_a_name_that_was_given_is_not_made_for_another() -> None:
     assert [case.name for case in LoadCase.named((one, one))] == ["case 1", "case 2"]
     assert LoadCase.named(one) == LoadCase.named(iter([one])) == (one,)
     assert LoadCase.named(two, one) == LoadCase.named((one, two))
+
+
+def test_the_minus_of_print_is_a_minus() -> None:
+    """A load copied from a page was refused with an example that looks the same."""
+    printed = {
+        "load": "x=max: 0,\N{MINUS SIGN}0.5,\N{MINUS SIGN}1e-3 N",
+        "target": "z=max uz=\N{MINUS SIGN}2 mm",
+    }
+    typed = {key: text.replace("\N{MINUS SIGN}", "-") for key, text in printed.items()}
+    assert LoadCase(fix="x>\N{MINUS SIGN}3", **printed) == LoadCase(fix="x>-3", **typed)
+    assert read(gravity="\N{MINUS SIGN}z").gravity == read(gravity="-z").gravity
+    named = "shape: a\N{MINUS SIGN}b.csv"
+    assert LoadCase(target=named).target == (named,)

@@ -1,5 +1,7 @@
 """The palette file: what it becomes, how names resolve, and what is refused with which words."""
 
+import copy
+import pickle
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +11,7 @@ import pytest
 import planner
 from planner.errors import PaletteError, UnknownNameError
 from planner.materials.mixtures import CoefficientModel
-from planner.palette import Palette, load_palette, parse_palette
+from planner.palette import LawParameters, Palette, load_palette, parse_palette
 from planner.printers import load_printer
 
 SOUND = """
@@ -200,3 +202,18 @@ def test_the_3mf_names_the_resins_of_the_palette(resins: tuple[str, ...], tmp_pa
     assert {shell.properties["base_resins"] for shell in plan.shells} == {expected}
     loaded = ", ".join(f"**{resin}**" for resin in expected.split(", "))
     assert f"Resins to load: {loaded}; support" in plan.howto()
+
+
+def test_a_law_stays_as_it_was_read(tmp_path: Path) -> None:
+    """Changed in place, it was planned with under the file's hash, and read again from the file."""
+    (tmp_path / "two.toml").write_text(SOUND)
+    palette = load_palette(tmp_path / "two.toml")
+    law = palette.resolve("Stiff").law
+    with pytest.raises(TypeError):
+        law.parameters["modulus_MPa"] = (5.0,)  # type: ignore[index]
+    given = {"modulus_MPa": (3.0,)}
+    made = LawParameters("linear", given)
+    given["modulus_MPa"] = (4.0,)
+    assert made.parameters == {"modulus_MPa": (3.0,)}
+    for same in (copy.deepcopy(palette), pickle.loads(pickle.dumps(palette))):
+        assert same == palette == load_palette(tmp_path / "two.toml")
