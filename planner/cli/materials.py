@@ -324,9 +324,7 @@ def characterise(
 
 def _print_records(found: "planner.Characterisation") -> None:
     """Say what was read; columns and places of sizes, alike in many records, by their number."""
-    columns: dict[str, int] = {}
-    places: dict[str, int] = {}
-    rows = []
+    columns, places, rows = dict[str, int](), dict[str, int](), []
     for one in found.records:
         unused = f"; not used: {', '.join(one.unused)}" if one.unused else ""
         headed = columns.setdefault(", ".join(one.columns.values()) + unused, len(columns) + 1)

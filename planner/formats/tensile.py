@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, Caution, FileError, as_texts
 from planner.formats import tables
-from planner.formats.files import read_file, toml_beside
+from planner.formats.files import read_file, toml_beside, unpacked
 from planner.formats.units import quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
@@ -471,6 +471,10 @@ class _Piece:
     texts: Mapping[str, str]
 
 
+_PER_CENT = re.compile(rb'(?s)<cellXfs.*numFmtId="(9|10)"|formatCode="[^"]*%|type="percentage"')
+"""A format of a workbook: XLSX's own two (ECMA-376, 18.8.30) and any other; of ODS each cell's."""
+
+
 def read_tensile(
     path: str | Path,
     *,
@@ -534,6 +538,10 @@ def read_tensile(
     if means and len(pieces) > len(means) + 1:
         pieces = [piece for piece in pieces if piece not in means]
         notes.append(f"{path.name}: {', '.join(means.values())} of the others; left out")
+    headed = data[:2] == b"PK" and any(one.factor == 0.01 for p in pieces for one in p.used)
+    if headed and any(_PER_CENT.search(content) for _, content in unpacked(data, path.name)):
+        said = "headings in %, and cells in a format of per cent, where 12 % is the number 0.12"
+        notes.append(Caution(f"{path.name}: {said}; if those are strains, give --unit-of strain=1"))
     return tuple(_tables(path, pieces, ordered, notes))
 
 
@@ -822,8 +830,7 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
     tags = [h.tag for h in headings]
-    above_of: dict[int, str] = {}
-    numbered: _Records = []
+    above_of, numbered = dict[int, str](), _Records()
     for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
@@ -1102,8 +1109,7 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
-    found: dict[str, _Column] = {}
-    doubles = list[_Column]()
+    found, doubles = dict[str, _Column](), list[_Column]()
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
@@ -1528,8 +1534,7 @@ def _agreed(
     said: Sequence[_Said], piece: _Piece, nth: int, labels: _Labels
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
-    values: dict[float | str, str] = {}
-    readings: dict[str, tuple[float, _Said]] = {}
+    values, readings = dict[float | str, str](), dict[str, tuple[float, _Said]]()
     unclear = open_ = ""
     for one in said:
         beside = one.grid is piece.grid and one.row == piece.block.head

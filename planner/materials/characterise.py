@@ -378,12 +378,11 @@ def _linear_part(curve: Curve) -> LinearPart:
         start, stop = _grow(lines, slopes, errors, 0, width)
     modulus, zero, zero_error = lines.line(start, stop)
     # Scatter of the first slopes makes no toe, whose points would lie above the line.
-    if start and np.mean(y[:start] - modulus * (x[:start] - zero)) < 0.0:
-        start = 0
-    arc = _arc(x[start:stop], y[start:stop]) if start == 0 else None
+    above = y[:start] - modulus * (x[:start] - zero)
+    arc = _arc(x[:stop], y[:stop]) if above.sum() <= 0.0 else None
     if arc is not None:
         kind = "arc" if kind == "line" else kind
-        modulus, zero = arc
+        start, (modulus, zero) = 0, arc
     if modulus <= 0.0:
         raise FileError(
             f"specimen {curve.specimen}: the stress does not rise with strain at strain "

@@ -1047,3 +1047,59 @@ def test_results_that_rise_are_no_curve(tmp_path: Path, names: str) -> None:
     (tmp_path / "a.csv").write_text("Sample,Load (N),Extension (mm)\n" + rows)
     with pytest.raises(FileError, match="not a row a test"):
         read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
+
+
+_OPEN = "http://schemas.openxmlformats.org/"
+_CELLS = f'xmlns="{_OPEN}spreadsheetml/2006/main"'
+_RELATIONS = f'<Relationships xmlns="{_OPEN}package/2006/relationships">{{}}</Relationships>'
+_PARTS = {
+    "[Content_Types].xml": f'<Types xmlns="{_OPEN}package/2006/content-types"/>',
+    "_rels/.rels": _RELATIONS.format(
+        f'<Relationship Id="b" Target="xl/workbook.xml" Type="{_OPEN}officeDocument/2006/'
+        'relationships/officeDocument"/>'
+    ),
+    "xl/_rels/workbook.xml.rels": _RELATIONS.format(
+        f'<Relationship Id="a" Target="worksheets/sheet1.xml" Type="{_OPEN}officeDocument/2006/'
+        'relationships/worksheet"/>'
+    ),
+    "xl/workbook.xml": f'<workbook {_CELLS} xmlns:r="{_OPEN}officeDocument/2006/relationships">'
+    '<sheets><sheet name="Data" sheetId="1" r:id="a"/></sheets></workbook>',
+}
+
+
+@pytest.mark.parametrize(
+    ("before", "cells", "warned"),
+    [
+        ("", '<xf numFmtId="0"/><xf numFmtId="10"/>', True),
+        ('<numFmt numFmtId="164" formatCode="0.0%"/>', '<xf/><xf numFmtId="164"/>', True),
+        # LibreOffice writes a style of per cent that no cell has.
+        ('<cellStyleXfs><xf numFmtId="9"/></cellStyleXfs>', '<xf/><xf numFmtId="0"/>', False),
+    ],
+)
+def test_cells_in_a_format_of_per_cent_are_warned_of(
+    tmp_path: Path, before: str, cells: str, warned: bool
+) -> None:
+    """Excel's 12 % is the number 0.12: below "Strain (%)" moduli came out a hundredfold, unsaid."""
+    rows = [("Strain (%)", "Stress (MPa)")]
+    for e in np.linspace(0.0, 1.0, 60).tolist():
+        rows.append((e if warned else 100.0 * e, 0.3 * (1.0 + e - (1.0 + e) ** -2.0)))
+    data = (
+        "<sheetData>"
+        + "".join(
+            f"<row>{''.join(f'<c t={kind}><v>{cell}</v></c>' for cell in row)}</row>"
+            for row in rows
+            for kind in ['"str"' if row is rows[0] else '"n" s="1"']
+        )
+        + "</sheetData>"
+    )
+    parts = _PARTS | {
+        "xl/worksheets/sheet1.xml": f"<worksheet {_CELLS}>{data}</worksheet>",
+        "xl/styles.xml": f"<styleSheet {_CELLS}>{before}<cellXfs>{cells}</cellXfs></styleSheet>",
+    }
+    (tmp_path / "a.xlsx").write_bytes(_zip({k: v.encode() for k, v in parts.items()}))
+    told = [note for note in read_study([tmp_path / "a.xlsx"]).notes if "per cent" in note]
+    assert [note.rpartition(", ")[2] for note in told] == ["give --unit-of strain=1"] * warned
+    # That option makes it right.
+    unit = ["strain=1"] if warned else []
+    ((curve,),) = read_study([tmp_path / "a.xlsx"], unit_of=unit).groups.values()
+    assert curve.strain[-1] == pytest.approx(1.0, rel=1e-9)
