@@ -357,7 +357,15 @@ class Plan:
     json = json_of
 
     def howto(self) -> str:
-        """Return the text of HOWTO.md: what the operator does, and which material goes where."""
+        """Return the text of HOWTO.md: what the operator does, and which material goes where.
+
+        Raises
+        ------
+        OutputError
+            The plan was read back from a folder, where the text lies.
+        """
+        if not self.shells:
+            raise OutputError(f"plan of {self.part.file}: read back; HOWTO.md is in its folder")
         grams: dict[str, float] = {}
         for region in self.regions:
             grams[region.file] = grams.get(region.file, 0.0) + region.mass_g

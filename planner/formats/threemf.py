@@ -139,8 +139,7 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     MeshError
         No zip archive, or one that does not hold what it promises; or more than a limit.
     """
-    objects: dict[_Key, _Object] = {}
-    items: list[_Key] = []
+    objects, items = dict[_Key, _Object](), list[_Key]()
     called = f"{name}: not a 3MF file that can be read"
     try:
         for member, text in unpacked(data, called, limits.unpacked_bytes):

@@ -177,6 +177,8 @@ def test_a_plan_read_back_says_that_it_holds_no_shells(tmp_path: Path) -> None:
     assert read.json() == (folder / "plan.json").read_bytes()
     with pytest.raises(OutputError, match="grade the part again"):
         read.write(tmp_path / "again")
+    with pytest.raises(OutputError, match=r"HOWTO\.md is in its folder"):  # it had no material
+        read.howto()
 
 
 def test_the_howto_says_which_material_to_which_file(tmp_path: Path) -> None:
