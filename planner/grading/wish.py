@@ -302,7 +302,7 @@ def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, st
                     raise
                 raise ArgumentError(
                     f"`{option}` {end}: it is no material of palette {palette.name}; for a "
-                    "modulus, give its unit too (kPa, MPa or GPa), as in 0.5MPa"
+                    "modulus, write a decimal point and its unit (kPa, MPa or GPa), as in 0.5MPa"
                 ) from error
             return scale.modulus_of(id), id
         end = float(figure[1]) * _UNITS[figure[2].casefold()]

@@ -212,10 +212,10 @@ def test_materials_and_moduli_may_be_mixed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
-        ("0.5", "give its unit too"),
-        ("0.5psi", "give its unit too"),
-        ("0,5MPa", "give its unit too"),
-        ("1 N/mm²", "give its unit too"),
+        ("0.5", "write a decimal point and its unit"),
+        ("0.5psi", "write a decimal point and its unit"),
+        ("0,5MPa", "write a decimal point and its unit"),
+        ("1 N/mm²", "write a decimal point and its unit"),
         ("-1MPa", "above 0"),
         (0.0, "above 0"),
         (float("nan"), "finite"),
