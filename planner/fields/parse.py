@@ -78,7 +78,8 @@ def _formula(text: str) -> tuple[_Formula, set[str]]:
     if len(text) > _LONGEST:
         raise ArgumentError(f"expression of {len(text)} characters; up to {_LONGEST} are read")
     try:
-        tree = ast.parse(text.strip().replace("^", "**"), mode="eval")
+        plain = text.strip().replace("^", "**").replace("\N{MINUS SIGN}", "-")
+        tree = ast.parse(plain, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         place = getattr(error, "offset", None)
         where = f" near character {place}" if place else ""
@@ -297,7 +298,7 @@ class FieldArguments:
             Another count, or none.
         """
         text = self.named[key] if text is None else text
-        found = numbers_in(text.split(), float)
+        found = numbers_in(text.replace("\N{MINUS SIGN}", "-").split(), float)
         if len(found) != count or not all(map(math.isfinite, found)):
             raise ArgumentError(
                 f"field {self.kind}: {key}={text.strip()!r} must be {count} number"

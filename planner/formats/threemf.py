@@ -295,8 +295,7 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
         warnings = [reader.GetWarning(i) for i in range(reader.GetWarningCount())]
         told = [text for code, text in warnings if code != _UNKNOWN_ATTRIBUTE]
         remarks += [f"3MF reader: {text}" for text in dict.fromkeys(told)]
-        stored: dict[int, list[ThreemfObject]] = {}
-        objects: list[ThreemfObject] = []
+        stored, objects = dict[int, list[ThreemfObject]](), list[ThreemfObject]()
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
             number = mesh.GetUniqueResourceID()
             if number not in stored:

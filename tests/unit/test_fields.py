@@ -282,6 +282,19 @@ def test_what_is_no_formula_is_refused(text):
         built(f"expression: {text}+ evil")
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["expression: -x**2 - (y - 1)", "radial: point=-1 2 -3", "harmonic: from=z<-0.5, to=z>0.5"],
+)
+def test_the_minus_of_print_is_a_minus(text):
+    printed = text.replace("-", "\N{MINUS SIGN}")
+    cube = mesh_of(Manifold.cube([2, 2, 2], True))
+    within = POINTS / 40
+    np.testing.assert_array_equal(
+        built(printed, cube).values(within), built(text, cube).values(within)
+    )
+
+
 def test_a_name_that_is_a_slip():
     with pytest.raises(ArgumentError, match="did you mean sqrt"):
         built("expression: sqr(x)")
