@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError, check_known, did_you_mean
+from planner.errors import PaletteError, UnknownNameError, check_known, did_you_mean, refused
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted, shade
@@ -598,13 +598,18 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
     ------
     OutputError
         The file is there already and `force` is false, or the system refused.
+    PaletteError
+        It is no palette.
 
     Examples
     --------
     >>> planner.write_palette(planner.fit(["tests"]).palette, "lab.toml")  # doctest: +SKIP
     """
     check_absent(output, force=force)
-    write_whole(output, encode_palette(palette))
+    said = "give a Palette, which a fit or a correction has as its `palette`"
+    with refused(PaletteError, f"{palette!r}", said, AttributeError):
+        data = encode_palette(palette)
+    write_whole(output, data)
 
 
 def _lines(palette: Palette) -> Iterator[str]:

@@ -821,8 +821,7 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
 
     Equal ones share one.
     """
-    names: list[str] = []
-    files: dict[str, bytes] = {}
+    names, files = list[str](), dict[str, bytes]()
     for s in specimens:
         if s.profile is not None:
             path, data = "profiles/{}.csv", _profile_csv(s.profile)

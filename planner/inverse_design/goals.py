@@ -159,8 +159,7 @@ class Limits:
         ArgumentError
             Another text, or a limit that is not above 0.
         """
-        held: dict[str, float] = {}
-        figures = []
+        held, figures = dict[str, float](), []
         for text in as_texts(texts, "`limit`"):
             found = _LIMIT.fullmatch(text.strip())
             if found is None:

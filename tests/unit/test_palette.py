@@ -217,3 +217,15 @@ def test_a_law_stays_as_it_was_read(tmp_path: Path) -> None:
     assert made.parameters == {"modulus_MPa": (3.0,)}
     for same in (copy.deepcopy(palette), pickle.loads(pickle.dumps(palette))):
         assert same == palette == load_palette(tmp_path / "two.toml")
+
+
+def test_what_is_no_palette_is_not_written(tmp_path: Path) -> None:
+    """A fit in place of its palette ended in an AttributeError that told neither."""
+    fitted = planner.fit([Path(__file__).parents[2] / "samples" / "tensile"], law="neo-hookean")
+    with pytest.raises(PaletteError, match=r"PaletteStudy.*give a Palette.* as its `palette`"):
+        planner.write_palette(fitted, tmp_path / "lab.toml")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+    planner.write_palette(fitted.palette, tmp_path / "lab.toml")
+    assert load_palette(tmp_path / "lab.toml") == fitted.palette.known_by(
+        load_palette(tmp_path / "lab.toml").sha256
+    )
