@@ -324,7 +324,9 @@ def characterise(
 
 def _print_records(found: "planner.Characterisation") -> None:
     """Say what was read; columns and places of sizes, alike in many records, by their number."""
-    columns, places, rows = dict[str, int](), dict[str, int](), []
+    columns: dict[str, int] = {}
+    places: dict[str, int] = {}
+    rows = []
     for one in found.records:
         unused = f"; not used: {', '.join(one.unused)}" if one.unused else ""
         headed = columns.setdefault(", ".join(one.columns.values()) + unused, len(columns) + 1)

@@ -830,7 +830,8 @@ def _groups(grid: _Grid, block: _Block) -> _Records:
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
     tags = [h.tag for h in headings]
-    above_of, numbered = dict[int, str](), _Records()
+    above_of: dict[int, str] = {}
+    numbered: _Records = []
     for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
@@ -1109,7 +1110,8 @@ def _used_columns(record: _Block, places: Sequence[int]) -> tuple[list[_Column],
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
-    found, doubles = dict[str, _Column](), list[_Column]()
+    found: dict[str, _Column] = {}
+    doubles: list[_Column] = []
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
@@ -1534,7 +1536,8 @@ def _agreed(
     said: Sequence[_Said], piece: _Piece, nth: int, labels: _Labels
 ) -> tuple[float | str | None, str]:
     """Return the value that all say, None where they differ, and where they say so."""
-    values, readings = dict[float | str, str](), dict[str, tuple[float, _Said]]()
+    values: dict[float | str, str] = {}
+    readings: dict[str, tuple[float, _Said]] = {}
     unclear = open_ = ""
     for one in said:
         beside = one.grid is piece.grid and one.row == piece.block.head

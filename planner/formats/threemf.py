@@ -139,7 +139,8 @@ def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
     MeshError
         No zip archive, or one that does not hold what it promises; or more than a limit.
     """
-    objects, items = dict[_Key, _Object](), list[_Key]()
+    objects: dict[_Key, _Object] = {}
+    items: list[_Key] = []
     called = f"{name}: not a 3MF file that can be read"
     try:
         for member, text in unpacked(data, called, limits.unpacked_bytes):
@@ -295,7 +296,8 @@ def decode_threemf(data: bytes, name: str, limits: UnfoldingLimits = USUAL_LIMIT
         warnings = [reader.GetWarning(i) for i in range(reader.GetWarningCount())]
         told = [text for code, text in warnings if code != _UNKNOWN_ATTRIBUTE]
         remarks += [f"3MF reader: {text}" for text in dict.fromkeys(told)]
-        stored, objects = dict[int, list[ThreemfObject]](), list[ThreemfObject]()
+        stored: dict[int, list[ThreemfObject]] = {}
+        objects: list[ThreemfObject] = []
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
             number = mesh.GetUniqueResourceID()
             if number not in stored:

@@ -821,7 +821,8 @@ def _own_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byte
 
     Equal ones share one.
     """
-    names, files = list[str](), dict[str, bytes]()
+    names: list[str] = []
+    files: dict[str, bytes] = {}
     for s in specimens:
         if s.profile is not None:
             path, data = "profiles/{}.csv", _profile_csv(s.profile)

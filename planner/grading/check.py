@@ -560,10 +560,10 @@ def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[
     volumes = [_volume_by_material(plan) for plan in (before, after)]
     for material in volumes[0] | volumes[1]:
         a, b = volumes[0].get(material), volumes[1].get(material)
-        if a is None or b is None:
-            what = "material added" if a is None else "material removed"
-            each = ("" if volume is None else f"{_text(volume)} mm3" for volume in (a, b))
-            yield Difference(what, material, *each)
+        if a is None:
+            yield Difference("material added", material, "", f"{_text(b)} mm3")
+        elif b is None:
+            yield Difference("material removed", material, f"{_text(a)} mm3", "")
         else:
             yield from _different("material volume mm3", material, a, b, tolerance)
 

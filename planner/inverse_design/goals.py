@@ -159,7 +159,8 @@ class Limits:
         ArgumentError
             Another text, or a limit that is not above 0.
         """
-        held, figures = dict[str, float](), []
+        held: dict[str, float] = {}
+        figures = []
         for text in as_texts(texts, "`limit`"):
             found = _LIMIT.fullmatch(text.strip())
             if found is None:

@@ -651,13 +651,15 @@ def read_study(
         paths = [Path(file) for file in ([files] if isinstance(files, (str, Path)) else files)]
     whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)
     files, listing = _files(paths, None if specimens is None else Path(str(specimens)))
-    notes, rows = list[str](), dict[str, ListedSpecimen]()
+    notes: list[str] = []
+    rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
         rows = {row.specimen: row for row in read_specimens(listing)}
         files = _withlisted(files, rows.values(), listing.parent) if whole else files
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
-    found_records, unlisted = list[_Record](), list[str]()
+    found_records: list[_Record] = []
+    unlisted: list[str] = []
     for path in files:
         named = None if listing is None else _relative(path, listing)
         own = [row for row in rows.values() if row.file == named]
@@ -719,7 +721,8 @@ def read_study(
     if not curves:
         raise FileError("no curve to characterise: " + "; ".join(notes))
     notes.extend(_copies(curves))
-    groups, others = dict[str, tuple[Curve, ...]](), dict[str, tuple[Curve, ...]]()
+    groups: dict[str, tuple[Curve, ...]] = {}
+    others: dict[str, tuple[Curve, ...]] = {}
     for curve in curves:
         of = groups if used[curve.specimen].mode == "tension" else others
         of[curve.material] = (*of.get(curve.material, ()), curve)
@@ -965,7 +968,8 @@ _ORDINAL = re.compile(r"(?:[^\W\d_]{0,2}|\w*?(?i:specimen|probe|sample|test))\W*
 
 def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> dict[str, str]:
     """Return what each specimen is made of; of its name alone, noted, where nothing else tells."""
-    known, told_by = dict[str, str](), dict[str, str]()
+    known: dict[str, str] = {}
+    told_by: dict[str, str] = {}
     for name, record in records.items():
         if record.left_out:
             continue

@@ -304,7 +304,8 @@ def respond(
     at_surface = np.clip(cells.vertex_local, -1.0, 1.0)
     average = CellAverage(cells)
     factored, last, lost = None, mechanics.at_rest(), None
-    kept, told = list[dict[str, Any]](), list[list[tuple[Response, _Weights]]]()
+    kept: list[dict[str, Any]] = []
+    told: list[list[tuple[Response, _Weights]]] = []
     corners = np.empty(0)
 
     def keep(state: Equilibrium) -> None:
