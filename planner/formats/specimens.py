@@ -146,7 +146,7 @@ def is_specimens_file(path: str | Path) -> bool:
     data = read_file(path, advice="give the path of a tensile file")
     if tables.is_workbook(data):
         return False
-    first = tables.decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
+    first = tables.decode_text(data, Path(path)).lstrip().split("\n")[0]
     return any(
         "specimen" in cells and not _MADE_OF.isdisjoint(cells) and headings_of(cells) is None
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")

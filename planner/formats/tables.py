@@ -215,8 +215,8 @@ python_calamine.CalamineWorkbook.from_filelike(sys.stdin.buffer)
 """
 """Of an XLS: calamine ends the process that cannot hold its sheets, each one rectangle of at most
 0.5 GB. Whatever a file in sectors says of itself, in any damage, a trial tells it."""
-_PLACE = re.compile(rb'\sr="([A-Z]{0,3})(\d{1,7})"')
-_TIMES = re.compile(rb'number-(?:rows|columns)-repeated="(\d{1,9})"')
+_PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Z]{0,3})(\d{1,7})["']""")
+_TIMES = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["'](\d{1,9})["']""")
 
 Sheet = tuple[str, list[list[str]]]
 """Its name, and its cells by row; an empty cell is ''."""

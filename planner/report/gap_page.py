@@ -525,7 +525,7 @@ def _csv_files(d: Diagnosis) -> dict[str, bytes]:
 
 _FLUSH_RIGHT = {
     "probability", "with an unknown beside it", "share", "p", "error",
-    "factor on the law's stress", "no.", "mm/s", "°C", "soak h", "days", "pull to",
+    "factor on the law's stress", "no.", "mm/s", "°C", "soak h", "days", "pull to", "push to",
 }  # fmt: skip
 
 

@@ -571,10 +571,15 @@ ODS_FAR = (
         ({"xl/workbook.xml": b"<workbook/>"}, "a workbook"),
         ({"xl/worksheets/sheet1.xml": FAR}, "more than 20,000,000 cells"),
         ({"content.xml": ODS_FAR}, "more than 20,000,000 cells"),
+        ({"xl/worksheets/sheet1.xml": FAR.replace(b'"', b"'")}, "more than 20,000,000 cells"),
+        ({"content.xml": ODS_FAR.replace(b'"', b"'")}, "more than 20,000,000 cells"),
         ({"xl/worksheets/sheet1.xml": bytes(300_000_000)}, "made to exhaust memory"),
     ],
-    ids=["no-zip", "no-ole", "no-book", "no-sheets", "far-cell", "far-repeats", "bomb"],
-)
+    ids=[
+        "no-zip", "no-ole", "no-book", "no-sheets", "far-cell", "far-repeats", "far-cell, '",
+        "far-repeats, '", "bomb",
+    ],
+)  # fmt: skip
 def test_hostile_workbooks_are_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], data: bytes | dict[str, bytes], said: str
 ) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.specimens import read_specimens
+from planner.formats.specimens import is_specimens_file, read_specimens
 from planner.materials.study import read_study
 
 HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"
@@ -41,6 +41,14 @@ def test_columns_that_a_spreadsheet_leaves_empty_are_none(tmp_path: Path) -> Non
     path = tmp_path / "specimens.csv"
     path.write_text("specimen,material,,\nS1,A,,\n")
     assert [row.material for row in read_specimens(path)] == ["A"]
+
+
+@pytest.mark.parametrize("blank", ["", "\n", "\r\n", " \n"])
+def test_a_list_of_any_name_may_begin_with_a_blank_line(tmp_path: Path, blank: str) -> None:
+    path = tmp_path / "list.csv"
+    path.write_bytes(f"{blank}specimen,material,file\r\nA,TPU,a.csv\r\n".encode())
+    assert is_specimens_file(path)
+    assert [row.material for row in read_specimens(path)] == ["TPU"]
 
 
 def test_measured_sizes_go_first(tmp_path: Path) -> None:
