@@ -17,7 +17,7 @@ from planner.mesh.distance import TriangleTree, closest, triangle_tree
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, Point
 from planner.simulation.bar import united
-from planner.simulation.cut_cells import CutCells
+from planner.simulation.cut_cells import CutCells, carrier
 from planner.simulation.element import shape_functions
 from planner.simulation.loads import Conditions, LoadCase, read_conditions
 
@@ -568,7 +568,7 @@ class ShapeGoal(NamedTuple):
         """Pose a shape on the surface of cells; facets of it that count, or all."""
         surface = cells.surface
         shape = shape_functions(cells.vertex_local, cells.cell_mm)[0]
-        carried = cells.carrier(cells.vertex_cell, shape)
+        carried = carrier(cells, cells.vertex_cell, shape)
         area = np.linalg.norm(surface.area_vectors_mm2, axis=1)
         area = area if facets is None else area * facets
         share = np.bincount(surface.faces.ravel(), np.repeat(area, 3), len(surface.vertices))

@@ -18,7 +18,7 @@ from planner.simulation.inner_corners import contacts, opposed, parted
 from planner.simulation.material_columns import SampledMaterial, sample
 from planner.voxels.columns import MOST_VOXELS
 
-__all__ = ["FEWEST_ALONG", "MOST_CELLS", "CutCells", "Shells", "cut_cells"]
+__all__ = ["FEWEST_ALONG", "MOST_CELLS", "CutCells", "Shells", "carrier", "cut_cells"]
 
 
 _COLUMNS_ACROSS = 24
@@ -187,13 +187,6 @@ class CutCells:
         local = np.clip(2.0 * (places_mm - corner) / self.cell_mm - 1.0, -1.5, 1.5)
         return cell, shape_functions(local, self.cell_mm)[0]
 
-    def carrier(self, cell: IntArray, shape: FloatArray) -> Any:
-        """Return what takes values at nodes to places, by their cells and shapes: sparse (n, N)."""
-        from scipy.sparse import csr_matrix
-
-        nodes, ends = self.nodes[cell].ravel(), 27 * np.arange(len(shape) + 1)
-        return csr_matrix((shape.ravel(), nodes, ends), (len(shape), len(self.node_mm)))
-
     @cached_property
     def tree(self) -> Any:
         """To find the nearest of `points_mm`."""
@@ -220,6 +213,14 @@ class CutCells:
         cell = self.cell_of[point]
         local = 2.0 * (scaled - self.index[cell]) - 1.0
         return np.asarray(point), cell, np.clip(local, -1.0, 1.0)
+
+
+def carrier(cells: CutCells, cell: IntArray, shape: FloatArray) -> Any:
+    """Return what takes values at nodes to places, by their cells and shapes: sparse (n, N)."""
+    from scipy.sparse import csr_matrix
+
+    nodes, ends = cells.nodes[cell].ravel(), 27 * np.arange(len(shape) + 1)
+    return csr_matrix((shape.ravel(), nodes, ends), (len(shape), len(cells.node_mm)))
 
 
 def cut_cells(

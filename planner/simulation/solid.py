@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.simulation.cut_cells import CutCells
+from planner.simulation.cut_cells import CutCells, carrier
 from planner.simulation.element import LOCAL, SIX, advance, assemble, observe, shape_functions
 from planner.simulation.loads import Conditions, Pressure, couple
 from planner.simulation.sparse_cholesky import Analysis, Factor, NotPositiveDefinite, factor, reused
@@ -434,7 +434,7 @@ class Mechanics:
         # g/cm³ mm³ = 1e-6 kg
         shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
         shape *= cells.weights_mm3[:, None]
-        return cells.carrier(cells.cell_of, shape).T
+        return carrier(cells, cells.cell_of, shape).T
 
     def weight_over_m(self, share: float) -> Any:
         """Return how the nodes' forces along gravity change with m at each point: sparse (N, Q)."""
@@ -707,7 +707,7 @@ class Mechanics:
         It is carried by the material nearest to it.
         """
         cells = self.body.cells
-        return np.outer(cells.carrier(*cells.nearest(place_mm[None])).toarray(), direction)
+        return np.outer(carrier(cells, *cells.nearest(place_mm[None])).toarray(), direction)
 
     def turn_weights(self, facets: BoolArray, u: FloatArray, axis: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of how far displaced facets turn about an axis."""
