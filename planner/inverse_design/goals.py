@@ -534,7 +534,7 @@ class Deviation(NamedTuple):
     off : (m,)
         Whose sum of squares is that of the mean, times the weight.
     rows : callable
-        From the places' displacements by each unknown, (V, 3, n), to the changes of `off`, (m, n).
+        From the nodes' displacements by each unknown, (N, 3, n), to the changes of `off`, (m, n).
     off_mm : (V,)
         Of each place; 0 where the shape does not count.
     """
@@ -589,19 +589,19 @@ class ShapeGoal(NamedTuple):
         to, which = closest(self.tree, place) if self.target_mm is None else (self.target_mm, None)
         apart = place - to
         off_mm = np.linalg.norm(apart, axis=1)
-        if which is None:
-            off = (scale[:, None] * apart).ravel()
-
-            def rows(moved: FloatArray) -> FloatArray:
-                return (scale[:, None, None] * moved).reshape(-1, moved.shape[2])
-        else:
+        along, off = None, (scale[:, None] * apart).ravel()
+        if which is not None:  # only the way to the nearest place counts
             far = off_mm > 1e-9 * greatest
-            along: FloatArray = self.wanted.surface.normals[which]
+            along = self.wanted.surface.normals[which]
             along[far] = apart[far] / off_mm[far, None]
             off = scale * off_mm
 
-            def rows(moved: FloatArray) -> FloatArray:
-                return np.asarray(scale[:, None] * np.einsum("vi,vin->vn", along, moved))
+        def rows(moved: FloatArray) -> FloatArray:
+            count = moved.shape[2]
+            places = (self.carried @ moved.reshape(len(moved), -1)).reshape(-1, 3, count)
+            if along is None:
+                return np.asarray((scale[:, None, None] * places).reshape(-1, count))
+            return np.asarray(scale[:, None] * np.einsum("vi,vin->vn", along, places))
 
         rms = float(np.sqrt(self.share @ off_mm**2)) / greatest
         return Deviation(rms, off, rows, off_mm * (self.share > 0.0))

@@ -167,13 +167,6 @@ class Solved(Solution):
         """Return how far the surface is off the shapes that are wanted."""
         return [shape.deviation(self.state.displacement_mm) for shape in self.shapes]
 
-    def shape_rows(self, share: Any) -> FloatArray:
-        """Return the changes of all deviations, (m, n), by changes of the coordinate, (Q, n)."""
-        moved = self.moved_by(share)
-        flat, form = moved.reshape(len(moved), -1), (-1, *moved.shape[1:])
-        each = zip(self.shapes, self.deviations(), strict=True)
-        return np.concatenate([seen.rows((s.carried @ flat).reshape(form)) for s, seen in each])
-
     def intervals(self, model: CoefficientModel, level: float) -> list[tuple[float, float]]:
         """Return what prints do, of each goal, from the palette's uncertainty."""
         normal = normal_quantile(level)
@@ -373,8 +366,9 @@ def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
             misses = solved.deviations()
             deviations += [miss.rms for miss in misses]
             off_all = np.concatenate([miss.off for miss in misses])
-            share = basis.multiply(over_value[:, None]).tocsr()
-            both = np.column_stack([solved.shape_rows(share), off_all]) / problem.tolerance
+            moved = solved.moved_by(basis.multiply(over_value[:, None]).tocsr())
+            rows_all = np.concatenate([miss.rows(moved) for miss in misses])
+            both = np.column_stack([rows_all, off_all]) / problem.tolerance
             short: FloatArray = np.asarray(np.linalg.qr(both, mode="r"))  # of the same squares
             rows["near"] += [(float(row[-1]), row[:-1]) for row in short]
 
