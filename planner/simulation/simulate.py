@@ -137,15 +137,13 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
         A coordinate is outside the palette.
     """
     lower, upper, t = model.bracket(bar.coordinate)
-    upper = np.where(t > 0.0, upper, lower)
-    materials = model.palette.materials
-    breaks = np.array([m.elongation_at_break for m in materials])
+    upper, breaks = np.where(t > 0.0, upper, lower), model.breaks
     break_strain = (1.0 - t) * breaks[lower] + t * breaks[upper]
     # A blend may go beyond twice the break of the one of its grades that breaks first. The grades
     # beside those that are used count for the slopes there.
     near = slice(max(int(lower.min()) - 1, 0), int(upper.max()) + 2)
     laws = law_tables(
-        replace(model.palette, materials=materials[near]),
+        replace(model.palette, materials=model.palette.materials[near]),
         strain_end=FARTHEST * float(breaks[np.unique([lower, upper])].max()),
         farthest=math.inf,
         chosen=True,
