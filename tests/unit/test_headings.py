@@ -119,6 +119,7 @@ def test_one_record_in_every_language(tmp_path: Path, name: str) -> None:
         "Czas [s];Siła [N];Droga [mm]", "Čas [s];Síla [N];Posuv [mm]",
         "Tid (s);Kraft (N);Förlängning (mm)", "ZEIT <s>;KRAFT_IST <N>;WEG_IST <mm>",
         "Time_S;XForce_N;XDisplacement_mm", "Time_s_;Force_N_;Displacement_mm_",
+        "Time (s);Load (N);Extension at grips (mm)", "Time [s];Load [N];Grip displacement [mm]",
         "Sig1;Time (s)\nSig2;Static Force (N)\n\nSig3;Displacement (mm)\nStartOfData",
     ],
 )  # fmt: skip
