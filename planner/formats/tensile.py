@@ -954,7 +954,8 @@ def _marked(grid: _Grid, block: _Block) -> str:
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if len(filled) > 1 and _head_text(filled[0]) == "specimen":
-            found = found if heading_of(filled[1]).meaning else filled[1]
+            told = heading_of(filled[1])  # "Run 1" is a name, "Force 1" is none
+            found = filled[1] if told.meaning == ("specimen" if told.tag else "") else found
         elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
     return found

@@ -1108,3 +1108,15 @@ def test_cells_in_a_format_of_per_cent_are_warned_of(
     unit = ["strain=1"] if warned else []
     ((curve,),) = read_study([tmp_path / "a.xlsx"], unit_of=unit).groups.values()
     assert curve.strain[-1] == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["Specimen {}", "Run {}", "Éprouvette {}", "試験片{}", "A-{}"])
+def test_a_line_that_names_the_specimen_by_its_word_again(tmp_path: Path, name: str) -> None:
+    """ "Specimen,Specimen 1" above a block was taken for a row of headings, and named nothing."""
+    lines = list[str]()
+    for n in (1, 2):
+        lines += [f"Specimen,{name.format(n)}", "Load (N),Travel (mm)", *MADE.lines(n, "{f},{d}")]
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+    found = read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
+    check(found, 2)
+    assert [record.specimen for record in found.records] == [name.format(n) for n in (1, 2)]

@@ -799,8 +799,7 @@ def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]
     Effects beside an unknown along an axis go by whichever of both is likelier alone: what an axis
     explains, and effects mend, is no evidence for the effects.
     """
-    together: dict[Effects, float] = {}
-    beside: dict[Effects, float] = {}
+    together, beside = dict[Effects, float](), dict[Effects, float]()
     total = float(logsumexp(list(log_odds.values())))
     for (effects, axis), value in log_odds.items():
         alone = log_odds.get((effects, ""), -np.inf)
