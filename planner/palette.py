@@ -13,8 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
 import msgspec
 
@@ -54,6 +53,18 @@ LAW_PARAMETERS: Mapping[str, Mapping[str, int | None]] = {
 each: a single figure (1), a list (more), or lists of one length among them (None)."""
 
 
+class _Kept(dict[str, tuple[float, ...]]):
+    """A mapping that stays as it is made; all that is done with a dict but changing it works."""
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("a law's parameters stay as they are; make another LawParameters of them")
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Kept, (dict(self),)  # a copy is else filled item by item
+
+
 @dataclass(frozen=True, slots=True)
 class LawParameters:
     """The name of a constitutive law and its parameters, as a palette file holds them.
@@ -71,10 +82,7 @@ class LawParameters:
     parameters: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return LawParameters, (self.model, dict(self.parameters))  # a proxy cannot be pickled
+        object.__setattr__(self, "parameters", _Kept(self.parameters))
 
     def stiffened(self, factor: float) -> "LawParameters":
         """Return the law whose stress is `factor` times this one's: its moduli are."""

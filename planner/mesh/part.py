@@ -412,9 +412,7 @@ def _pairs(
     if balance[-1] != 0:
         return None
     start = int(np.argmin(balance)) + 1
-    pairs: list[tuple[int, int]] = []
-    opened: list[int] = []
-    closed: list[int] = []
+    pairs, opened, closed = list[tuple[int, int]](), list[int](), list[int]()
     for _, opens, half in around[start:] + around[:start]:
         (opened if opens else closed).append(half)
         if len(opened) == len(closed):  # out of the solid again
