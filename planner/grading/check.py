@@ -122,7 +122,7 @@ def interfaces_cancel(shells: JoinedShells, part: Mesh | PartGraded) -> bool:
 def _shared_mm3(shells: JoinedShells) -> float:
     """Measure on columns what lies in more than one shell: what is left bounds all together."""
     points = shells.vertices.astype(np.float64)
-    bounds_mm = np.transpose([(each.min(), each.max()) for each in points.T])
+    bounds_mm = _union([found.bounds_mm[0] for found in shells.measures])
     grid = grid_for(bounds_mm, float(np.ptp(bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
     whole, *each = voxel_counts(points, (shells.left, *shells.faces), grid)
     return abs(sum(each) - whole) * grid.voxel_mm3
@@ -294,7 +294,7 @@ def _of(plan: Plan, file: str) -> list[Region]:
     return [region for region in plan.regions if region.file == file]
 
 
-def _union(boxes: Sequence[tuple[Point, Point]]) -> FloatArray:
+def _union(boxes: Sequence[tuple[Point, Point] | FloatArray]) -> FloatArray:
     corners = np.array(boxes)
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 

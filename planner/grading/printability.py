@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,28 +73,20 @@ class CutPart:
 # Separate bits of a solid that are smaller than a limit.
 
 
-@dataclass(frozen=True)
-class Fragments:
+class Fragments(NamedTuple):
     """Bodies of a solid that are smaller than a limit.
 
     Attributes
     ----------
     boxes_mm : (n, 2, 3)
-        Of all of them, and of those too small to be printed at all.
-    count
-        How many.
-    place_mm, extent_mm, volume_mm3
-        Centre, box and volume of the largest by volume.
-    total_mm3
-        Volume of all of them.
+        Of all of them.
+    seen_mm, volumes_mm3 : (k, 2, 3), (k,)
+        Of those large enough to be printed at all.
     """
 
     boxes_mm: FloatArray
-    count: int = 0
-    place_mm: Point = (0.0, 0.0, 0.0)
-    extent_mm: Point = (0.0, 0.0, 0.0)
-    volume_mm3: float = 0.0
-    total_mm3: float = 0.0
+    seen_mm: FloatArray
+    volumes_mm3: FloatArray
 
 
 def bodies_of(mesh: Mesh) -> Measures:
@@ -123,17 +116,10 @@ def small_bodies(found: Measures, limit_mm: float, least_mm: float) -> Fragments
     Bodies are as `bodies_of` measures them; voids are none. Bodies smaller than `least_mm` in all
     directions are not counted: a printer does not see them.
     """
-    extent = np.ptp(found.bounds_mm, axis=1)
-    small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
-    small &= found.volume_mm3 > 0.0
-    boxes = found.bounds_mm[small]
-    members = np.flatnonzero(small & (extent >= least_mm).any(axis=1))
-    if not len(members):
-        return Fragments(boxes)
-    largest = members[np.argmax(found.volume_mm3[members])]
-    place_mm, size_mm = as_point(found.bounds_mm[largest].mean(axis=0)), as_point(extent[largest])
-    volumes = float(found.volume_mm3[largest]), float(found.volume_mm3[members].sum())
-    return Fragments(boxes, len(members), place_mm, size_mm, *volumes)
+    volume, extent = found.volume_mm3, np.ptp(found.bounds_mm, axis=1)
+    small = (volume > 0.0) & ((volume < limit_mm**3) | (extent < limit_mm).all(axis=1))
+    seen = small & (extent >= least_mm).any(axis=1)
+    return Fragments(found.bounds_mm[small], found.bounds_mm[seen], volume[seen])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -181,15 +167,18 @@ def _fragments_finding(
     bits: Fragments, name: str | None, part: CutPart, limit_mm: float
 ) -> Finding:
     """Say how many separate bits are smaller than the minimum feature: of a material, or loose."""
-    what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
-    drawn_mm = part.drawn_mm(bits.place_mm)
+    count, largest = len(bits.seen_mm), int(np.argmax(bits.volumes_mm3))
+    what = "a separate bit" if count == 1 else f"{count} separate bits, the largest"
+    box_mm, volume_mm3 = bits.seen_mm[largest], bits.volumes_mm3[largest]
+    place_mm, extent_mm = as_point(box_mm.mean(axis=0)), as_point(np.ptp(box_mm, axis=0))
+    drawn_mm = part.drawn_mm(place_mm)
     cure = "join it to the part, or leave it out" if name is None else _one_of(part.cures)
     message = (
-        f"{name or 'the part'}: {what} of {sized(bits.extent_mm, '.2f')} mm and "
-        f"{bits.volume_mm3:.2g} mm3 at {_point(drawn_mm)} mm, smaller than the smallest feature of "
+        f"{name or 'the part'}: {what} of {sized(extent_mm, '.2f')} mm and "
+        f"{volume_mm3:.2g} mm3 at {_point(drawn_mm)} mm, smaller than the smallest feature of "
         f"{limit_mm:g} mm, will not print as drawn; {cure}"
     )
-    return Finding("fragment", message, name, bits.place_mm, drawn_mm, max(bits.extent_mm))
+    return Finding("fragment", message, name, place_mm, drawn_mm, max(extent_mm))
 
 
 _MOST_LARGER = 5.0
@@ -476,9 +465,9 @@ def _walls(
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings += _thin_findings("thin-wall", walls, unlisted, part, machine.minimum_wall_mm)
     loose = small_bodies(bodies, limit_mm, max(machine.pixel_mm))
-    if loose.count:
+    if len(loose.seen_mm):
         findings.append(_fragments_finding(loose, None, part, limit_mm))
-        unlisted += loose.count
+        unlisted += len(loose.seen_mm)
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = tuple(_band_thicknesses(part)) if part.shells else ()
     for shell in part.shells:
@@ -524,7 +513,7 @@ def _layers(
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
     findings = list(_thin_findings("thin-band", places, unlisted, part, limit_mm, name))
-    loose = bits.count if bits.total_mm3 >= least_mm3 else 0
+    loose = len(bits.seen_mm) if bits.volumes_mm3.sum() >= least_mm3 else 0
     if loose:
         findings.append(_fragments_finding(bits, name, part, limit_mm))
     thicknesses = [p.size_mm for p in places] or [band.kept_mm(_LEAST) for band in bands]

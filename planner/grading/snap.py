@@ -122,19 +122,18 @@ def _moved_cuts(
 
 def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
     """Find them; None of a field that is not one number everywhere, which cutting tells."""
-    corners = mesh.vertices.take(mesh.faces, axis=0)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    double = np.linalg.norm(normal, axis=1)
-    solid = double > 0.0
+    corners, normal = mesh.triangles, mesh.area_vectors_mm2
+    area = np.linalg.norm(normal, axis=1)
+    solid = area > 0.0
     if isinstance(field, PlanarField):
         direction, _ = field.plane(0.0)
         per_mm = 1.0 / (field.plane(1.0)[1] - field.plane(0.0)[1])
-        cosine = np.divide(normal @ direction, double, out=np.zeros_like(double), where=solid)
+        cosine = np.divide(normal @ direction, area, out=np.zeros_like(area), where=solid)
         found = np.flatnonzero(np.abs(cosine) >= _ALONGSIDE)
         values = field.values(corners[found].reshape(-1, 3)).reshape(-1, 3)
         low, high = values.min(axis=1), values.max(axis=1)
         slope, cosine = np.full(len(found), per_mm), cosine[found]
-        weight = 0.5 * double[found]
+        weight = area[found]
     else:
         looked = np.flatnonzero(solid)
         looked = looked[:: max(1, -(-len(looked) // _MOST_SAMPLES))]
@@ -151,13 +150,13 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
         slope = np.linalg.norm(gradient, axis=1)
         cosine = np.zeros(len(looked))
         along = np.einsum("ij,ij->i", normal[looked], gradient)
-        np.divide(along, double[looked] * slope, out=cosine, where=slope > 1e-9 / step_mm)
+        np.divide(along, area[looked] * slope, out=cosine, where=slope > 1e-9 / step_mm)
         kept = np.abs(cosine) >= _ALONGSIDE
         found, slope, cosine, centre = looked[kept], slope[kept], cosine[kept], centre[kept]
         rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
         value = at_points[0][kept]
         low, high = value + rise.min(axis=1), value + rise.max(axis=1)
-        weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
+        weight = area[found] * (area.sum() / area[looked].sum())
     return _Alongside(low, high, weight, slope, cosine < 0.0)
 
 
