@@ -159,11 +159,12 @@ def intersect(mesh: Mesh, levels: FloatArray, sets: LevelSets) -> tuple[Meetings
     part = _surface_of(mesh.vertices, mesh.faces, sets.lattice)
     level = _surface_of(sets.vertices, sets.faces, sets.lattice)
     found = _met(part, level, sets)
-    on_part, on_level = _ordered(found, True, part), _ordered(found, False, level)
     lower = sets.level[np.where(found.of_part, found.face, 0)]  # of the part's edges alone
-    none, between = np.zeros_like(lower), sets.level[found.segment_level]
-    piece = _piece_of_vertices(part, level, *_told(part, found, *on_part, lower), levels, sets)
-    inside = _inside_part(part, level, *_told(level, found, *on_level, none), sets)
+    on_part, part_groups = _told(part, found, True, lower)
+    on_level, level_groups = _told(level, found, False, np.zeros_like(lower))
+    piece = _piece_of_vertices(part, level, *part_groups, levels, sets)
+    inside = _inside_part(part, level, *level_groups, sets)
+    between = sets.level[found.segment_level]
     of_part = Crossed(part, piece, *on_part, found.segment_part, between)
     of_level = Crossed(level, inside, *on_level, found.segment_level, np.zeros_like(between))
     return found, of_part, of_level
@@ -316,29 +317,32 @@ def _along(points: Any, ends: Any, e: Any, others: Any, corner: Any, normal: Any
 # On which side of every level, and of the part's surface, each vertex lies.
 
 
-def _ordered(
-    meetings: Meetings, of_part: bool, surface: Surface
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Order the meetings along the edges of the part, or of the level sets; see `Crossed`."""
-    own = np.flatnonzero(meetings.of_part == of_part)
-    points = own[np.lexsort((meetings.along[own], meetings.edge[own]))].astype(np.int32)
-    edges = np.arange(len(surface.ends) + 1)
-    return np.searchsorted(meetings.edge[points], edges).astype(np.int32), points
+_Two = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 
 def _told(
-    surface: Surface, meetings: Meetings, offsets: NDArray[np.int32], points: NDArray[np.int32],
-    lower: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:  # fmt: skip
-    """Group vertices that edges without a meeting join; edges with one tell groups' labels.
+    surface: Surface, meetings: Meetings, of_part: bool, lower: NDArray[np.int32]
+) -> tuple[_Two, _Two]:
+    """Order meetings along edges, and group vertices that edges without any join.
+
+    Edges with one meeting tell the labels of the groups that they join.
+
+    Parameters
+    ----------
+    lower : (p,) int32
+        A meeting joins this label and the next along its edge, upwards where its way is 1.
 
     Returns
     -------
-    group : (n,) int32
-        Of each vertex.
-    label : (groups,) int32
-        -1 where no such edge ends.
+    offsets, points
+        See `Crossed`.
+    group, label : (n,) int32, (groups,) int32
+        Of each vertex, and of each group: -1 where no such edge ends.
     """
+    own = np.flatnonzero(meetings.of_part == of_part)
+    points = own[np.lexsort((meetings.along[own], meetings.edge[own]))].astype(np.int32)
+    edges = np.arange(len(surface.ends) + 1)
+    offsets = np.searchsorted(meetings.edge[points], edges).astype(np.int32)
     ends, count = surface.ends, np.diff(offsets)
     group = connected(len(surface.points), *ends[count == 0].T)
     label = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)
@@ -346,7 +350,7 @@ def _told(
     met = points[offsets[single]]
     label[group[ends[single, 0]]] = lower[met] + (meetings.way[met] < 0)
     label[group[ends[single, 1]]] = lower[met] + (meetings.way[met] > 0)
-    return group, label
+    return (offsets, points), (group, label)
 
 
 def _piece_of_vertices(

@@ -1,4 +1,4 @@
-"""Distances from a surface: the nearest triangle, and the largest ball inside."""
+"""Distances from a surface to its nearest triangle, and which side faces a point."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "distances", "inscribed_balls", "triangle_tree"]
+__all__ = ["TriangleTree", "distances", "triangle_tree"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -240,61 +240,3 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
         closest[0, d] = a + v * (corners[t, 1, d] - a) + w * (corners[t, 2, d] - a)
         square += (at[d] - closest[0, d]) ** 2
     return square, kind
-
-
-# ------------------------------------------------------------------------------------------------
-# The largest balls inside a surface near points.
-
-
-_WAYS = np.indices((3, 3, 3)).reshape(3, 27).T[:, None, ::-1] - 1.0
-"""Steps to a place's neighbours and to itself, (27, 1, 3), along x first."""
-
-
-def inscribed_balls(
-    mesh: Mesh, points: FloatArray, step: float, reach: float
-) -> tuple[FloatArray, FloatArray]:
-    """Climb from each point to the centre of the largest ball that fits there.
-
-    The search halves its step from `step` to a sixteenth of it, which is its precision, and stays
-    within `step` of where it starts along each axis.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        A closed surface.
-    points : (n, 3)
-    reach
-        Radius in mm beyond which the size of a ball is of no interest.
-
-    Returns
-    -------
-    centres (n, 3), radii_mm (n,)
-        Where no ball fits, the radius is zero.
-    """
-    around = reach + 2.0 * step
-    along = mesh.triangles.T.copy()  # by axis, each in one piece: many times as fast
-    low, high = along.min(axis=1), along.max(axis=1)
-    near = np.zeros(len(mesh.faces), dtype=np.bool_)
-    for point in points:
-        at = point[:, None]
-        near |= ((low <= at + around) & (high >= at - around)).all(axis=0)
-    if not near.any():
-        return points, np.full(len(points), reach)
-    tree = triangle_tree(Mesh(mesh.vertices, mesh.faces[near]))
-
-    def depth(places: FloatArray) -> FloatArray:
-        distance, outside = distances(tree, places.reshape(-1, 3))
-        found = np.where(distance < reach, np.where(outside, -distance, distance), reach)
-        return found.reshape(places.shape[:-1])
-
-    centres, size, best = points.copy(), np.full(len(points), step / 2), depth(points)
-    while len(left := np.flatnonzero(size >= step / 16)):
-        trials = centres[left] + _WAYS * size[left, None]
-        strayed = (np.abs(trials - points[left]) > step).any(axis=2)
-        moved = np.zeros(len(left), dtype=np.bool_)
-        for trial, found in zip(trials, np.where(strayed, -np.inf, depth(trials)), strict=True):
-            better = found > best[left] + 1e-9
-            centres[left[better]], best[left[better]] = trial[better], found[better]
-            moved |= better
-        size[left[~moved]] /= 2
-    return centres, np.maximum(best, 0.0)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.distance import inscribed_balls
+from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.mesh import Mesh, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, columns_of, snap
@@ -778,15 +778,48 @@ def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list
     return thin_solid_places(Mesh(vertices, faces), limit_mm, listed=listed)
 
 
+_WAYS = np.indices((3, 3, 3)).reshape(3, 27).T[:, None, ::-1] - 1.0
+"""Steps to a place's neighbours and to itself, (27, 1, 3), along x first."""
+
+
 def room_mm(
     mesh: Mesh, points_mm: FloatArray, step_mm: float, limit_mm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return centres (n, 3) and diameters of the largest balls that fit near points (n, 3).
+    """Climb from points (n, 3) to the largest balls that fit there; return centres and diameters.
 
-    Diameters of the limit and more are not told apart; outside the solid they are zero.
+    The search halves its step from half of `step_mm` to a sixteenth of it, which is its precision,
+    and stays within `step_mm` of where it starts along each axis. Diameters of the limit and more
+    are not told apart; where no ball fits, they are zero.
     """
-    centres, radii_mm = inscribed_balls(mesh, points_mm, step_mm, 0.55 * limit_mm)
-    return centres, 2.0 * radii_mm
+    reach_mm = 0.55 * limit_mm  # the size of a ball beyond is of no interest
+    around_mm = reach_mm + 2.0 * step_mm
+    along = mesh.triangles.T.copy()  # by axis, each in one piece: many times as fast
+    low, high = along.min(axis=1), along.max(axis=1)
+    near = np.zeros(len(mesh.faces), dtype=np.bool_)
+    for point in points_mm:
+        at = point[:, None]
+        near |= ((low <= at + around_mm) & (high >= at - around_mm)).all(axis=0)
+    if not near.any():
+        return points_mm, np.full(len(points_mm), 2.0 * reach_mm)
+    tree = triangle_tree(Mesh(mesh.vertices, mesh.faces[near]))
+
+    def depth_mm(places_mm: FloatArray) -> FloatArray:
+        found, outside = distances(tree, places_mm.reshape(-1, 3))
+        found = np.where(found < reach_mm, np.where(outside, -found, found), reach_mm)
+        return found.reshape(places_mm.shape[:-1])
+
+    centres, best = points_mm.copy(), depth_mm(points_mm)
+    size_mm = np.full(len(points_mm), step_mm / 2)
+    while len(left := np.flatnonzero(size_mm >= step_mm / 16)):
+        trials = centres[left] + _WAYS * size_mm[left, None]
+        strayed = (np.abs(trials - points_mm[left]) > step_mm).any(axis=2)
+        moved = np.zeros(len(left), dtype=np.bool_)
+        for trial, found in zip(trials, np.where(strayed, -np.inf, depth_mm(trials)), strict=True):
+            better = found > best[left] + 1e-9
+            centres[left[better]], best[left[better]] = trial[better], found[better]
+            moved |= better
+        size_mm[left[~moved]] /= 2
+    return centres, 2.0 * np.maximum(best, 0.0)
 
 
 def thinnest_first(thickness_mm: FloatArray) -> IntArray:

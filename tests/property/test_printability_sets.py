@@ -5,7 +5,6 @@ import pytest
 import trimesh
 from scipy import ndimage
 
-from planner.mesh.distance import inscribed_balls
 from planner.mesh.mesh import Mesh
 from planner.voxels.thin_places import (
     _ROOM,
@@ -18,6 +17,7 @@ from planner.voxels.thin_places import (
     empty_set,
     grow,
     morph,
+    room_mm,
 )
 
 SHAPE = (11, 9, 150)  # columns cross two word borders
@@ -127,20 +127,20 @@ def test_inscribed_ball_of_a_turned_box(seed):
     body = trimesh.creation.box((2, 1, 3))
     body.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
     start = rng.uniform(-0.1, 0.1, 3)
-    (centre,), (radius,) = inscribed_balls(Mesh(body.vertices, body.faces), start[None], 0.2, 5.0)
-    assert 0.5 - 0.2 / 16 <= radius <= 0.5 + 1e-9
+    (centre,), (across,) = room_mm(Mesh(body.vertices, body.faces), start[None], 0.2, 10.0)
+    assert 1.0 - 0.2 / 8 <= across <= 1.0 + 1e-9
     distance = np.abs(
         body.face_normals @ centre - np.einsum("ij,ij->i", body.face_normals, body.triangles[:, 0])
     )
-    assert radius == pytest.approx(distance.min(), abs=1e-9)
+    assert across == pytest.approx(2 * distance.min(), abs=2e-9)
 
 
 def test_inscribed_ball_starting_outside_climbs_in():
     body = trimesh.creation.icosphere(3, 0.1)
     start = np.array([[0.12, 0.0, 0.02]])
-    (centre,), (radius,) = inscribed_balls(Mesh(body.vertices, body.faces), start, 0.2, 1.0)
+    (centre,), (across,) = room_mm(Mesh(body.vertices, body.faces), start, 0.2, 2.0)
     assert np.linalg.norm(centre) < 0.03
-    assert radius == pytest.approx(0.1, abs=0.02)
+    assert across == pytest.approx(0.2, abs=0.04)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -149,7 +149,7 @@ def test_inscribed_balls_of_a_sharp_body_lie_inside(seed):
     rng = np.random.default_rng(seed)
     body = trimesh.convex.convex_hull(rng.uniform(-1, 1, (4, 3)) * [1, 1, 0.1])
     starts = rng.uniform(-1.2, 1.2, (5, 3)) * [1, 1, 0.3]
-    centres, radii = inscribed_balls(Mesh(body.vertices, body.faces), starts, 0.2, 5.0)
+    centres, across = room_mm(Mesh(body.vertices, body.faces), starts, 0.2, 10.0)
     arms = centres[:, None] - body.triangles[:, 0]
     beyond = np.einsum("fj,nfj->nf", body.face_normals, arms).max(axis=1)
-    assert radii == pytest.approx(np.maximum(-beyond, 0.0), abs=1e-9)
+    assert across == pytest.approx(2 * np.maximum(-beyond, 0.0), abs=2e-9)
