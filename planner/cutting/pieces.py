@@ -568,10 +568,11 @@ def _split_curved(
         found, broken = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
         if broken:
             continue
-        each = [(_thin(found, len(mesh.vertices)), found)]
+        new = (found.faces.T.copy() >= len(mesh.vertices)).any(axis=0)
+        each = [(_thin(found, new), found)]
         if each[0][0]:
-            flipped = _without_thin(found, len(mesh.vertices))
-            each.append((_thin(flipped, len(mesh.vertices)), flipped))
+            flipped = _without_thin(found, new)
+            each.append((_thin(flipped, new), flipped))
         made = next((one for one in sorted(each, key=itemgetter(0)) if _shells_close(one[1])), None)
         if made is not None and (best is None or made[0] < best[0]):
             best = made
@@ -600,16 +601,15 @@ def _fault(divided: Pieces) -> str:
     return ""
 
 
-def _thin(divided: Pieces, first_new: int) -> int:
+def _thin(divided: Pieces, new: BoolArray) -> int:
     """Count new triangles so thin that readers drop them."""
-    new = divided.faces.compress((divided.faces.T.copy() >= first_new).any(axis=0), axis=0)
-    return len(thin_faces(divided.vertices, np.concatenate([new, divided.cap_faces]), _READ_MM))
+    faces = np.concatenate([divided.faces.compress(new, axis=0), divided.cap_faces])
+    return len(thin_faces(divided.vertices, faces, _READ_MM))
 
 
-def _without_thin(divided: Pieces, first_new: int) -> Pieces:
+def _without_thin(divided: Pieces, new: BoolArray) -> Pieces:
     """Exchange the long sides of thin new triangles, within each piece and each interface."""
     faces, caps = divided.faces.copy(), divided.cap_faces.copy()
-    new = (faces.T.copy() >= first_new).any(axis=0)
     for own, label in ((faces, np.where(new, divided.piece, -1)), (caps, divided.cap_level)):
         for value in np.unique(label[label >= 0]):
             members = np.flatnonzero(label == value)
