@@ -568,7 +568,7 @@ def _split_curved(
         found, broken = _divide_along(mesh, field, moved, pitch_mm, shift, within_mm, follow)
         if broken:
             continue
-        new = (found.faces.T.copy() >= len(mesh.vertices)).any(axis=0)
+        new = np.asarray((found.faces.T.copy() >= len(mesh.vertices)).any(axis=0))
         each = [(_thin(found, new), found)]
         if each[0][0]:
             flipped = _without_thin(found, new)

@@ -10,6 +10,7 @@ from manifold3d import Mesh as SolidMesh
 from benchmarks.audit import audit
 from benchmarks.interfaces import BOX, FACES
 from planner.cutting import grid
+from planner.cutting import pieces as cutting
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import FIRST_SHIFT, split
 from planner.errors import ArgumentError
@@ -246,6 +247,17 @@ def test_a_level_inside_that_never_meets_the_surface():
     assert check(pieces, mesh) == 2
     assert audit(pieces.vertices[pieces.shell_faces([1])]).bodies == 2
     assert pieces.volumes_mm3[0] == pytest.approx(4 / 3 * np.pi, rel=0.02)
+
+
+def test_a_field_that_bends_within_a_cell_takes_one_grid(monkeypatch):
+    """Pieces are told by the levels that were drawn, not by values between a cell's corners."""
+    mesh, tried = part(Manifold.cube((14, 10, 0.4))), []
+    waves = FunctionField(lambda at: 0.5 + 0.5 * np.sin(4 * at[:, 0]) * np.cos(0.78 * at[:, 1]))
+    divide = cutting._divide_along
+    monkeypatch.setattr(cutting, "_divide_along", lambda *given: tried.append(1) or divide(*given))
+    found = split(mesh, waves, [0.1, 0.3, 0.5, 0.7, 0.9], pitch_mm=0.94, within_mm=0.1)
+    assert check(found, mesh) == 6
+    assert len(tried) == 1
 
 
 def test_same_input_same_bytes():
