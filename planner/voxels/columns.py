@@ -93,15 +93,16 @@ def deal_rows(
 def _cover(
     snapped: IntArray, faces: IntArray, nx: int, ny: int, low: IntArray, high: IntArray
 ) -> None:
-    # Rows low <= row < high that each face covers; 0, 0 where it covers no column.
+    # Rows low <= row < high that each face covers; 0, 0 where it covers no column. The least of
+    # two is compiled for others anyhow, that of three is not.
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
         ay, by, cy = snapped[a, 1], snapped[b, 1], snapped[c, 1]
-        first = max(_ceil_voxel(min(ay, by, cy)), 0)
-        last = min(_ceil_voxel(max(ay, by, cy)), ny)
-        left = max(_ceil_voxel(min(ax, bx, cx)), 0)
-        right = min(_ceil_voxel(max(ax, bx, cx)), nx)
+        first = max(_ceil_voxel(min(ay, min(by, cy))), 0)
+        last = min(_ceil_voxel(max(ay, max(by, cy))), ny)
+        left = max(_ceil_voxel(min(ax, min(bx, cx))), 0)
+        right = min(_ceil_voxel(max(ax, max(bx, cx))), nx)
         low[f], high[f] = 0, 0
         if first < last and left < right and (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):
             low[f], high[f] = first, last
