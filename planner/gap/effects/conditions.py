@@ -230,10 +230,18 @@ _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
 
 def _rate_power(setup: Setup, values: Values) -> Setup:
-    """Stiffen alike by every decade of strain rate above the reference."""
+    """Stiffen alike by every decade of the mean strain rate so far above the reference.
+
+    Held, that rate falls: what is stiffer when pulled faster relaxes.
+    """
+    rise = _graded(setup, values["rise"], values)
     rate = setup.on_slices(setup.rate_per_s) * setup.rate_ratio
     decades = np.log10(rate / _reference(setup, "strain_rate_per_s"))
-    return setup.stiffened(_graded(setup, values["rise"], values) * decades)
+    path_mm = np.cumsum(np.abs(np.diff(setup.travel_mm, axis=1, prepend=0.0)), axis=1)
+    moving_s = path_mm / (setup.rate_per_s * setup.gauge_mm)[:, None]
+    slowed = np.log10(np.maximum(setup.time_s / np.maximum(moving_s, 1e-9), 1.0))
+    left = np.exp(-setup.mean_of_tests(rise)[:, None] * slowed)
+    return setup.stiffened(rise * decades).with_(gain=setup.gain * left)
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:
@@ -323,6 +331,10 @@ _SET_GROWTH = 0.3
 about two thirds."""
 
 
+_MOST_KEPT = 0.8
+"""Of a strain that stays. Chosen: what is still elastic takes it back."""
+
+
 def _set(setup: Setup, values: Values) -> Setup:
     """Keep a share of the largest strain, or of a power of it.
 
@@ -335,7 +347,7 @@ def _set(setup: Setup, values: Values) -> Setup:
         beyond = (table / values["threshold"]) ** 4
         table = table * beyond / (1.0 + beyond)
     elif "power" in values:
-        table = table ** values["power"]
+        table = np.minimum(table ** values["power"], _MOST_KEPT / values["share"] * table)
     growth = _SET_GROWTH * values.get("cycles", 0.0)
     return setup.with_(
         set_share=setup.set_share + share, set_table=table, set_growth=setup.set_growth + growth

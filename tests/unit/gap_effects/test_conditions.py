@@ -64,6 +64,29 @@ def test_faster_is_stiffer(form: str, coupons: Make, applied: Apply) -> None:
     np.testing.assert_allclose(np.diff(after.log_factor, 2), 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("form", ["power-law", "graded-power-law"])
+def test_what_is_held_is_as_soft_as_what_was_pulled_as_slowly(
+    form: str, coupons: Make, applied: Apply, middles: Middles
+) -> None:
+    # To a strain of 0.3: fast and held for ten times as long, slowly, fast and back and forth.
+    share = np.linspace(0.0, 1.0, 61)  # every corner is a step
+    ends = [([0.0, 1.0, 10.0], [0.0, 1.0, 1.0]), ([0.0, 10.0], [0.0, 1.0]),
+            ([0.0, 1.0, 1.5, 2.0], [0.0, 1.0, 0.5, 1.0])]  # fmt: skip
+    time_s = np.array([10.0 * share, 10.0 * share, 2.0 * share])
+    travel = np.array([np.interp(t, *at) for t, at in zip(time_s, ends, strict=True)])
+    before = coupons(
+        3, steps=61, coordinate=np.full(3, 0.3), time_s=time_s, travel_mm=0.3 * 25.0 * travel,
+        rate_per_s=np.array([0.3, 0.03, 0.3]),
+    )  # fmt: skip
+    after = applied("rate", form, before, **middles(EFFECTS["rate"].form(form)))
+    laws = law_tables(palette_of())
+    ratio = predict(after, laws).force_N[:, 1:] / predict(before, laws).force_N[:, 1:]
+    assert ratio[0, -1] == pytest.approx(ratio[1, -1], rel=1e-9)
+    assert ratio[0, 5] == pytest.approx(ratio[2, -1], rel=1e-9)
+    np.testing.assert_allclose(ratio[1:], ratio[1:, :1] * np.ones(60), rtol=1e-9)
+    assert ratio[1, 0] < 1.0 < ratio[2, 0]
+
+
 def test_the_fractional_law_is_a_power_of_time(coupons: Make, applied: Apply) -> None:
     exponent, onset = 0.2, 0.5
     one = coupons(1)
