@@ -353,11 +353,13 @@ def next_command(
         # What is said of a specimen last holds.
         units = "".join(f" --unit-of {quote(unit.text)}" for unit in found.unit_of)
         return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{asked}{units}"
-    known = [e for one in found.effect if (e := EFFECTS.get(one.id)) and e.advice is None]
-    if not known or at is None:
+    effects = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
+    # What comes with advice of its own, as a wrong gauge length, changes no palette.
+    of_palette = [effect for effect in effects if effect.advice is None]
+    if not of_palette or at is None:
         return ""
     use = ""
-    for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
+    for condition in dict.fromkeys(effect.condition for effect in of_palette if effect.condition):
         if levels := found.tested.get(condition):
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"

@@ -179,21 +179,13 @@ class Likelihood:
         weighted, half, _ = self._without_nuisances(left[:, None])
         return m, (self._summed(own, weighted) - halved.T @ half)[:, 0]
 
-    def fit(self, left: FloatArray, columns: FloatArray, own: FloatArray) -> FloatArray:
-        """Return the posterior mean of the columns' coefficients, of prior deviation 1, in `left`.
-
-        Of (N,) and (N, k); `own` as of `products`.
-        """
-        m = self.products(np.concatenate([left[:, None], columns], axis=1), own)
-        return np.asarray(np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0]))
-
     def coefficients(self, left: FloatArray) -> FloatArray:
         """Return the nuisances' posterior mean, in prior deviations, of what is left, (N,)."""
         cross = np.asarray(self._nuisances @ (self._white @ left))
         return np.asarray(scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False))
 
     def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
-        """Return the mean and covariance of the problem's ways, the candidate being right."""
+        """Return the mean and covariance of what laws are off by, the candidate being right."""
         problem, count = self.problem, len(self.problem.calibrations)
         left = problem.target - problem.noise.whiten(problem.explained(candidate))
         unit = np.eye(len(self._factor), count)
@@ -560,7 +552,9 @@ class PosteriorMode:
         beside : (N,)
             The whitened change by a gain of some specimens beside it.
         """
-        at = likelihood.fit(self.target - beside, self.slopes, self.own)
+        columns = np.concatenate([(self.target - beside)[:, None], self.slopes], axis=1)
+        m = likelihood.products(columns, self.own)
+        at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
         # Slopes say nothing of what is far off: as far as the forward model bears them out.
         ends = [self.coordinates + share * move for share in (1.0, 0.5)]
@@ -589,7 +583,7 @@ class PosteriorMode:
 
     @cached_property
     def beside(self) -> list[Candidate]:
-        """Every form alone at its best place for what this candidate leaves."""
+        """Every form alone at its best place for what this candidate leaves; see `searched`."""
         problem = self.likelihood.problem
         left = self.eliminated(self.likelihood, problem.nodes).products
         return searched(problem.signed_forms, left[0, 1:], left[1:, 1:])

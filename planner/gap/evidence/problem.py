@@ -275,7 +275,9 @@ def _grid(least: float, shapes: int) -> tuple[FloatArray, FloatArray]:
 def searched(
     signed_forms: Sequence[SignedForm], residual: FloatArray, nodes: FloatArray
 ) -> list[Candidate]:
-    """Return every signed form alone, at its best point.
+    """Return every signed form alone, at its best point, the likeliest first.
+
+    Evidence has the form's share of the prior among its effect's.
 
     Parameters
     ----------
@@ -289,9 +291,9 @@ def searched(
         squares = np.sum((weights @ nodes[own, own]) * weights, axis=1)
         gains = weights @ residual[own] - 0.5 * squares
         at = int(np.argmax(gains))
-        mean = gains[at] + np.log(np.mean(np.exp(gains - gains[at])))
+        mean = gains[at] + np.log(signed.weight * np.mean(np.exp(gains - gains[at])))
         found.append(joined([(signed, tuple(points[at].tolist()))], float(gains[at]), float(mean)))
-    return found
+    return sorted(found, key=lambda c: -c.log_evidence)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -426,7 +428,8 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
     explain is more than the variance that they leave, and not so by chance. Who tested is no part
     of the scatter, nor is a batch that is off by far more than its specimens.
     """
-    groups = [g for of in model.replicates if len(g := [k for k in of if counts[k]]) > 1]
+    counted = ([k for k in of if counts[k]] for of in model.replicates)
+    groups = [of for of in counted if len(of) > 1]
     level = np.zeros(len(counts))
     for of in groups:
         mean = model.measured_N[of].mean(axis=0)

@@ -184,6 +184,12 @@ def test_what_is_named_may_be_an_imitation_however_much_evidence_there_is() -> N
     assert probabilities(within, imitated=0.1) == probabilities(within)
 
 
+def test_three_effects_are_likelier_an_imitation_than_two() -> None:
+    found, priors = evidence(500.0), Priors(imitated=0.1)
+    shares = [weigh._imitated((*BOTH, "skin")[:k], found, priors) for k in (1, 2, 3)]
+    assert shares == pytest.approx([0.1, 0.1, 4.0 / 13.0])
+
+
 def test_within_the_floor_of_one_condition_a_gain_is_scatter() -> None:
     found = evidence(3.0, within_floor=True, scatter_like=frozenset({"rate"}))
     plain, after = probabilities(evidence(3.0, within_floor=True)), probabilities(found)
@@ -301,12 +307,13 @@ def test_what_raises_errors_of_force_speaks_for_what_does_without() -> None:
 
 
 @pytest.mark.parametrize(
-    ("extra", "left", "kept"), [(10.0, 0.5, False), (12.0, 0.5, True), (12.0, 1.0, False)]
+    ("extra", "left", "kept"),
+    [(10.0, 0.5, False), (12.0, 0.5, True), (12.0, 1.0, False), (100.0, 1.0, True)],
 )
 def test_what_gains_more_than_a_wrong_form_could_is_kept(
     monkeypatch: pytest.MonkeyPatch, extra: float, left: float, kept: bool
 ) -> None:
-    """A third of a pattern is a ninth of the gain; but together they must close something."""
+    """A third of a pattern is a ninth of the gain; what closes nothing gains no more than both."""
     error = {RATE: 0.5, BOTH: left}
     problem = SimpleNamespace(
         model=SimpleNamespace(test_of=np.arange(8)),

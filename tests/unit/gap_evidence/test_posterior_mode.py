@@ -13,9 +13,7 @@ from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _State, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined
 from planner.gap.evidence.weigh import (
-    Priors,
     _in_all_forms,
-    _LogPriors,
     _with_parts_alone,
 )
 from planner.gap.observations import ObservationModel
@@ -312,7 +310,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
     scale = EFFECTS["strain-scale"]
     tried = replace(scale, forms=tuple(f for f in scale.forms if f.name in ("factor", wrong)))
     both = Problem(campaign, problem.model, [rate, tried])
-    likelihood, logs = Likelihood(both), _LogPriors(both, Priors())
+    likelihood = Likelihood(both)
     alone = [
         posterior_mode((likelihood,), c, likelihood)
         for c in PosteriorMode.of_nothing(likelihood).beside
@@ -321,7 +319,7 @@ def test_a_form_that_fits_worse_than_nothing_is_not_followed(problem: Problem) -
             for id in (("rate",), ("strain-scale",))}  # fmt: skip
     forms = {
         signed.form.name
-        for c in _in_all_forms(("rate", "strain-scale"), (best, {}), logs)
+        for c in _in_all_forms(("rate", "strain-scale"), (best, {}))
         for signed, _ in c.parts
     }
     assert {"factor", "power-law"} <= forms
