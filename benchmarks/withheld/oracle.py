@@ -37,7 +37,7 @@ from benchmarks.withheld.reality.campaign import (
 )
 from benchmarks.withheld.reality.effects import EFFECTS, Effect, Form, Set
 from benchmarks.withheld.reality.fields import FIELD_ROWS, USUAL, strain_sd
-from benchmarks.withheld.reality.noise import Scatter, wander_correlation
+from benchmarks.withheld.reality.noise import Handling, Scatter, wander_correlation
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.protocol import ROWS, Motion
 from benchmarks.withheld.reality.sets import SETS
@@ -543,7 +543,8 @@ def oracle_answer(truth_file: Path, folder: Path, without: tuple[str, ...] = ())
     palette = read_palette(PALETTE.read_text(encoding="utf-8"))
     which = made_by["set"], entry["tier"], made_by["specimens"], made_by["seed"], entry["index"]
     with threadpool_limits(1, user_api="blas"):
-        return _weighed(open_lab(palette, *which))
+        handling = Handling(**made_by.get("handling", {}))
+        return _weighed(open_lab(palette, *which, handling=handling))
 
 
 def _weighed(lab: Lab) -> dict[str, Any]:

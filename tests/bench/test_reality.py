@@ -15,6 +15,7 @@ import pytest
 from benchmarks.withheld.reality.__main__ import main
 from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.effects import EFFECTS
+from benchmarks.withheld.reality.noise import Handling
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.protocol import ROWS
 from benchmarks.withheld.reality.sets import SETS
@@ -236,3 +237,24 @@ def test_the_command_refuses_a_truth_among_the_campaigns(
     assert main([*command, "--specimens", "5", "-o", str(folder)]) == 2
     assert "at least 20" in capsys.readouterr().err
     assert not folder.exists()
+
+
+def test_pulls_begin_apart_and_are_written_otherwise_where_asked_for() -> None:
+    """Forces stay as they are; travel is off by a toe, or is strain in per cent."""
+    of = PALETTE, "validation", "none", 20, 3, 0
+    usual, apart = (make_campaign(*of, handling=h) for h in (Handling(), Handling(0.01, 2)))
+    np.testing.assert_array_equal(apart.force_N, usual.force_N)
+    assert apart.truth == usual.truth
+    end_mm = usual.displacement_mm.max(axis=1, keepdims=True)
+    percent = apart.displacement_mm.max(axis=1) > 1.5 * end_mm[:, 0]
+    assert percent.sum() == 2
+    scale = np.where(percent, 100.0 / usual.design.gauge_mm, 1.0)[:, None]
+    toe = (apart.displacement_mm / scale - usual.displacement_mm) / end_mm
+    assert np.all(toe[:, 0] == 0.0)
+    assert np.abs(toe).max() <= 0.02
+    # Of twenty, the deviation is known to a sixth; bit by bit, so that no pull turns back.
+    assert 0.005 < toe[np.arange(20), usual.displacement_mm.argmax(axis=1)].std() < 0.015
+    there = np.sign(np.diff(usual.displacement_mm, axis=1))
+    assert np.all(np.sign(np.diff(apart.displacement_mm, axis=1)) == there)
+    with pytest.raises(ValueError, match="begin within"):
+        Handling(toe=0.2)

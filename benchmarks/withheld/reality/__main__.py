@@ -20,6 +20,7 @@ from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.reality.fields import USUAL, Camera
 from benchmarks.withheld.reality.more import further_of, read_test
+from benchmarks.withheld.reality.noise import CAREFUL, Handling
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.sealing import seal, sha256
 from benchmarks.withheld.reality.tiers import LABS, TIERS
@@ -68,10 +69,11 @@ def _make(options: argparse.Namespace) -> int:
         tiers = groups.get(options.tier, [options.tier])
         most = at_most(options.at_most)
         camera = Camera(options.facet_mm, options.spacing_mm, options.states_facet)
+        handling = Handling(options.toe, options.percent)
         campaigns = [
             # Tiers of one set share no design and no noise
             make_campaign(
-                palette, options.set, tier, options.specimens, options.seed, index, camera
+                palette, options.set, tier, options.specimens, options.seed, index, camera, handling
             )
             for number, tier in enumerate(tiers)
             for index in range(number * options.count, (number + 1) * options.count)
@@ -87,6 +89,8 @@ def _make(options: argparse.Namespace) -> int:
         made_by["at_most"] = most
     if camera != USUAL:
         made_by["camera"] = asdict(camera)
+    if handling != CAREFUL:
+        made_by["handling"] = asdict(handling)
     sealed = seal(campaigns, made_by)
     print(f"{sha256(sealed)}  {truth_file.name}", flush=True)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -157,6 +161,10 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument("--spacing-mm", type=float, metavar="MM",
                       help="from place to place (default 28 places a bar)")  # fmt: skip
     make.add_argument("--states-facet", action="store_true", help="write facet_mm into fields.csv")
+    make.add_argument("--toe", type=float, default=0.0, metavar="SHARE",
+                      help="deviation of where pulls begin, over their travel")  # fmt: skip
+    make.add_argument("--percent", type=int, default=0, metavar="N",
+                      help="specimens whose strain in per cent is written as travel")  # fmt: skip
     make.add_argument("--palette", type=Path, default=PALETTE, help="a palette file")
     make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")
     make.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")

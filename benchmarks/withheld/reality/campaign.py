@@ -12,7 +12,7 @@ from benchmarks.withheld.reality.confounded import Scenario
 from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.reality.fields import USUAL, Camera, field_detectability, measured_strain
-from benchmarks.withheld.reality.noise import Scatter, measured_force
+from benchmarks.withheld.reality.noise import CAREFUL, Handling, Scatter, measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile, fitted_palette
 from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.sizing import Hidden, force_N, hide, hide_cancelling, mounted_with
@@ -95,6 +95,7 @@ class Lab:
     by: Yardstick
     hidden: tuple[Hidden, ...]
     camera: Camera
+    handling: Handling
     rng: dict[str, np.random.Generator]
 
 
@@ -106,6 +107,7 @@ def open_lab(
     seed: int,
     index: int,
     camera: Camera = USUAL,
+    handling: Handling = CAREFUL,
 ) -> Lab:
     """Draw the campaign number `index` of a seed: design, scatter, law and cause."""
     rng = _streams(set_name, tier, seed, index)
@@ -157,6 +159,7 @@ def open_lab(
         by=by,
         hidden=tuple(hidden),
         camera=camera,
+        handling=handling,
         rng=rng,
     )
 
@@ -169,6 +172,7 @@ def make_campaign(
     seed: int,
     index: int,
     camera: Camera = USUAL,
+    handling: Handling = CAREFUL,
 ) -> Campaign:
     """Make the campaign number `index` of a seed.
 
@@ -176,7 +180,7 @@ def make_campaign(
     index differ in what is hidden and in nothing else (but the confounded tier's design, and the
     heavy noise of the tiers that are about it).
     """
-    return measured_in(open_lab(palette, set_name, tier, count, seed, index, camera))
+    return measured_in(open_lab(palette, set_name, tier, count, seed, index, camera, handling))
 
 
 def measured_in(lab: Lab) -> Campaign:
@@ -198,7 +202,7 @@ def measured_in(lab: Lab) -> Campaign:
         design=design,
         specimen_ids=_specimen_ids(len(design), lab.rng["names"]),
         time_s=time_s,
-        displacement_mm=travel,
+        displacement_mm=lab.handling.written_mm(travel, design.gauge_mm, lab.rng["handling"]),
         force_N=measured,
         fields=seen_fields(lab, lab.benches, hidden, lab.rng["field"]),
         facet_mm=lab.camera.facet_mm if lab.camera.stated else None,
@@ -223,6 +227,7 @@ def _streams(set_name: Set, tier: str, seed: int, index: int) -> dict[str, np.ra
         of_tier = tier_number if stream in ("truth", "names") else _ANY
         streams[stream] = _generator(seed, set_number, index, number, of_tier)
     streams["labs"] = _generator(seed, set_number, index, len(_STREAMS) + 1, tier_number)
+    streams["handling"] = _generator(seed, set_number, index, len(_STREAMS) + 2, _ANY)
     # Where the turns of a tier start; one for all its campaigns
     streams["turns"] = _generator(seed, set_number, _ANY, len(_STREAMS), tier_number)
     return streams

@@ -22,7 +22,7 @@ from benchmarks.withheld.reality.campaign import (
 from benchmarks.withheld.reality.design import Design
 from benchmarks.withheld.reality.effects import Set, Shape
 from benchmarks.withheld.reality.fields import USUAL, Camera
-from benchmarks.withheld.reality.noise import measured_force
+from benchmarks.withheld.reality.noise import CAREFUL, Handling, measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.profiles import Profile
 from benchmarks.withheld.reality.sizing import Hidden, force_N
@@ -105,6 +105,7 @@ def further(
     tests: Sequence[FurtherTest],
     *,
     camera: Camera = USUAL,
+    handling: Handling = CAREFUL,
     turn: int = 1,
 ) -> Campaign:
     """Return a campaign of `make_campaign` with further specimens.
@@ -119,7 +120,7 @@ def further(
     ValueError
         A material that the palette does not have among its elastic grades.
     """
-    lab = open_lab(palette, set_name, tier, count, seed, index, camera)
+    lab = open_lab(palette, set_name, tier, count, seed, index, camera, handling)
     known = measured_in(lab)
     rng = np.random.default_rng(
         np.random.SeedSequence(seed, spawn_key=(index, _STREAM, turn, int(known.name, 16)))
@@ -136,7 +137,7 @@ def further(
         design=design,
         specimen_ids=known.specimen_ids + _other_ids(known.specimen_ids, len(tests), rng),
         time_s=time_s,
-        displacement_mm=travel,
+        displacement_mm=np.concatenate([known.displacement_mm, travel[len(lab.design) :]]),
         force_N=np.concatenate(
             [known.force_N, measured_force(ideal, share, new, lab.scatter, rng)]
         ),
@@ -172,6 +173,7 @@ def further_of(
         entry["index"],
         tests,
         camera=Camera(**made_by.get("camera", {})),
+        handling=Handling(**made_by.get("handling", {})),
         turn=turn,
     )
     if campaign.name != name:

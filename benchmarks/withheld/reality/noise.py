@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.withheld.reality.design import Design
 
-__all__ = ["Scatter", "measured_force", "wander_correlation"]
+__all__ = ["CAREFUL", "Handling", "Scatter", "measured_force", "wander_correlation"]
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +63,41 @@ class Scatter:
         """Return the standard deviation of the load cell's own, (S, 1)."""
         share_N = self.sensor_share * np.abs(force_N).max(axis=1, keepdims=True)
         return np.asarray(np.hypot(self.sensor_N, share_N))
+
+
+@dataclass(frozen=True)
+class Handling:
+    """How specimens are clamped, and how their travel is written down.
+
+    Attributes
+    ----------
+    toe
+        Standard deviation of where pulls begin, over the farthest travel: some specimens hang
+        loosely, some are taut; taken up bit by bit.
+    percent
+        Specimens whose strain in per cent of the gauge length is written as mm of travel.
+    """
+
+    toe: float = 0.0
+    percent: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.toe <= 0.1 or self.percent < 0:
+            raise ValueError("pulls begin within 0 to 0.1 of their travel, of 0 specimens or more")
+
+    def written_mm(
+        self, travel_mm: FloatArray, gauge_mm: FloatArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """Return travel as it is written down, (S, T), of the crosshead's."""
+        toe_mm = self.toe * travel_mm.max(axis=1, keepdims=True)
+        own = rng.normal(size=toe_mm.shape).clip(-2.0, 2.0) * toe_mm
+        written = travel_mm - own * np.expm1(-travel_mm / np.maximum(4.0 * toe_mm, 1e-9))
+        some = rng.permutation(len(gauge_mm))[: self.percent]
+        written[some] *= 100.0 / gauge_mm[some, None]
+        return np.asarray(written)
+
+
+CAREFUL = Handling()
 
 
 def measured_force(
