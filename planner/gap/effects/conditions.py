@@ -230,18 +230,19 @@ _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
 
 def _rate_power(setup: Setup, values: Values) -> Setup:
-    """Stiffen alike by every decade of the mean strain rate so far above the reference.
-
-    Held, that rate falls: what is stiffer when pulled faster relaxes.
-    """
-    rise = _graded(setup, values["rise"], values)
+    """Stiffen alike by every decade of strain rate above the reference."""
     rate = setup.on_slices(setup.rate_per_s) * setup.rate_ratio
     decades = np.log10(rate / _reference(setup, "strain_rate_per_s"))
+    return setup.stiffened(_graded(setup, values["rise"], values) * decades)
+
+
+def _rate_so_far(setup: Setup, values: Values) -> Setup:
+    """Stiffen by the mean strain rate so far: it falls where held, so that stress relaxes."""
     path_mm = np.cumsum(np.abs(np.diff(setup.travel_mm, axis=1, prepend=0.0)), axis=1)
     moving_s = path_mm / (setup.rate_per_s * setup.gauge_mm)[:, None]
     slowed = np.log10(np.maximum(setup.time_s / np.maximum(moving_s, 1e-9), 1.0))
-    left = np.exp(-setup.mean_of_tests(rise)[:, None] * slowed)
-    return setup.stiffened(rise * decades).with_(gain=setup.gain * left)
+    rise = setup.mean_of_tests(_graded(setup, values["rise"], values))[:, None]
+    return _rate_power(setup, values).with_(gain=setup.gain * np.exp(-rise * slowed))
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:

@@ -666,8 +666,7 @@ def _in_all_forms(
 
 def _partners(one: PosteriorMode) -> list[Candidate]:
     """Join a candidate at its mode with each other effect in its best form, the best first."""
-    own = one.candidate
-    best: dict[Effects, Candidate] = {}
+    own, best = one.candidate, dict[Effects, Candidate]()
     for c in one.beside:
         if not set(c.effects) & set(own.effects):
             best.setdefault(c.effects, joined([*own.parts, *c.parts]))

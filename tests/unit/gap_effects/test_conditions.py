@@ -55,7 +55,7 @@ def test_a_relaxing_law_shows_the_palettes_own_law_in_its_own_test(
     np.testing.assert_allclose(shown, law, rtol=1e-3, atol=1e-4 * law.max(axis=1).min())
 
 
-@pytest.mark.parametrize("form", ["power-law", "graded-power-law"])
+@pytest.mark.parametrize("form", ["power-law", "graded-power-law", "power-of-time"])
 def test_faster_is_stiffer(form: str, coupons: Make, applied: Apply) -> None:
     rates = 0.034 * np.array([0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
     after = applied("rate", form, coupons(rate_per_s=rates, coordinate=np.full(6, 0.3)))
@@ -64,7 +64,7 @@ def test_faster_is_stiffer(form: str, coupons: Make, applied: Apply) -> None:
     np.testing.assert_allclose(np.diff(after.log_factor, 2), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("form", ["power-law", "graded-power-law"])
+@pytest.mark.parametrize("form", ["power-of-time", "graded-power-of-time"])
 def test_what_is_held_is_as_soft_as_what_was_pulled_as_slowly(
     form: str, coupons: Make, applied: Apply, middles: Middles
 ) -> None:
