@@ -24,7 +24,6 @@ from types import FrameType
 from typing import Annotated, Any
 
 import typer
-import typer.core
 
 from planner import __version__
 from planner.cli import gap as _gap
@@ -186,31 +185,6 @@ _FIGURES = {"float_parsing": "a number and nothing else, as 0.2", "int_parsing":
 
 _command = cache(typer.main.get_command)
 """Commands as typer makes them of functions' types, which takes as long as many a command."""
-
-
-_convert: Any = getattr(typer.core, "build_runtime_param", None)
-"""What typer takes values by; earlier versions have none, and do without pydantic."""
-
-
-class _Value:
-    """What typer makes of a value: by pydantic, whose import takes 0.1 s, only where it has to."""
-
-    def __init__(self, wanted: Any) -> None:
-        self.wanted = wanted
-
-    def coerce(self, value: Any, param: Any, ctx: typer.Context) -> Any:
-        kind = self.wanted.annotation
-        if value is None:
-            return () if param.multiple or param.nargs == -1 else None
-        if type(value) is kind and not self.wanted.is_ranged:
-            return value
-        if kind is Path and (os.access(value, os.R_OK) or not os.path.lexists(value)):
-            return Path(value)
-        return _convert(self.wanted).coerce(value, param=param, ctx=ctx)
-
-
-if _convert is not None:
-    typer.core.build_runtime_param = _Value  # type: ignore[assignment,attr-defined]
 
 
 def _dispatch(arguments: list[str], commands: typer.Typer) -> int:

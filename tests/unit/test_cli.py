@@ -238,19 +238,6 @@ def test_help_imports_no_numpy() -> None:
     assert done.returncode == 0
 
 
-def test_a_plan_is_written_without_libraries_that_it_has_no_use_for(
-    finger: str, tmp_path: Path
-) -> None:
-    code = (
-        "import sys, contextlib; from planner.cli import main\n"
-        f"with contextlib.suppress(SystemExit): main({['grade', finger, *GRADIENT, '-o', 'out']})\n"
-        "sys.exit(any(m in sys.modules for m in ('pydantic', 'urllib.request', 'ssl')))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False)
-    assert done.returncode == 0
-    assert (tmp_path / "out" / "plan.json").is_file()
-
-
 def test_no_colour_and_no_control_codes_off_a_terminal(finger: str) -> None:
     environment = {**os.environ, "FORCE_COLOR": "", "NO_COLOR": "1"}
     done = subprocess.run(
