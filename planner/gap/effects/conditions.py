@@ -332,10 +332,6 @@ _SET_GROWTH = 0.3
 about two thirds."""
 
 
-_MOST_KEPT = 0.8
-"""Of a strain that stays. Chosen: what is still elastic takes it back."""
-
-
 def _set(setup: Setup, values: Values) -> Setup:
     """Keep a share of the largest strain, or of a power of it.
 
@@ -348,7 +344,7 @@ def _set(setup: Setup, values: Values) -> Setup:
         beyond = (table / values["threshold"]) ** 4
         table = table * beyond / (1.0 + beyond)
     elif "power" in values:
-        table = np.minimum(table ** values["power"], _MOST_KEPT / values["share"] * table)
+        table = table ** values["power"]
     growth = _SET_GROWTH * values.get("cycles", 0.0)
     return setup.with_(
         set_share=setup.set_share + share, set_table=table, set_growth=setup.set_growth + growth
