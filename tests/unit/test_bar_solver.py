@@ -418,7 +418,7 @@ def test_tables_and_laws_that_change_change_every_test():
     plain = plain.with_(softening=np.full(2, 0.5), relaxing=np.full((2, 15), 0.02))
     for changes in (
         {"softening_table": np.full((21, 21), 0.3)},
-        {"reference_relaxing": np.full((2, 15), 0.02)},
+        {"reference_relaxing": np.full((len(LAWS.coordinate), 15), 0.02)},
     ):
         fresh = predict(plain.with_(**changes), LAWS)
         found = predict(plain.with_(**changes), LAWS, like=predict(plain, LAWS))
