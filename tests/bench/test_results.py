@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 from benchmarks.withheld.answers import Outcome, Task
-from benchmarks.withheld.bench import bench
+from benchmarks.withheld.bench import app, bench
 from benchmarks.withheld.results import diagnose_all, read_documents, score_outcomes
 from benchmarks.withheld.scoring import read_truth
 from benchmarks.withheld.summary import Rate
+from planner.cli import run
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
 
 
@@ -140,13 +141,14 @@ def test_documents_are_scored_again(lab: Path, capsys: pytest.CaptureFixture[str
     assert "100 [21, 100]" in said.out
     assert "campaign b: no answer" in said.err
     # without the campaigns' folder the one document alone is scored
-    assert bench(documents=lab / "documents", truth=lab / "truth.json", as_json=True) == 1
+    again = ["--truth", str(lab / "truth.json"), "--json", "--documents"]
+    assert run([*again, str(lab / "documents")], app) == 1
     alone = json.loads(capsys.readouterr().out)
     assert alone["not_diagnosed"] == ["b"]
     assert alone["rows"][0]["rates"]["top_1"]["share"] == 1.0
     # and from the results file the same comes out
     assert read_documents(lab / "results.json") == {"a": document("rate")}
-    assert bench(documents=lab / "results.json", truth=lab / "truth.json", as_json=True) == 1
+    assert run([*again, str(lab / "results.json")], app) == 1
     assert json.loads(capsys.readouterr().out) == alone
 
 
@@ -203,11 +205,11 @@ def test_campaigns_are_diagnosed_and_scored(
 ) -> None:
     verdicts = {"a": "rate", "b": "none"}
     stand_in(monkeypatch, lambda name, **_: verdicts[name])
-    given = {"truth": lab / "truth.json", "jobs": 1, "as_json": True}
-    assert bench(lab / "campaigns", output=lab / "results.json", **given) == 0
+    given = [str(lab / "campaigns"), "--truth", str(lab / "truth.json"), "--jobs", "1", "--json"]
+    assert run([*given, "--output", str(lab / "results.json")], app) == 0
     results = json.loads(capsys.readouterr().out)
     assert [s["top_1"] for s in results["scores"]] == [True, True]
     assert all(s["seconds"] >= 0.0 for s in results["scores"])
     assert set(read_documents(lab / "results.json")) == {"a", "b"}
-    assert bench(lab / "campaigns", without=["rate"], **given) == 0
+    assert run([*given, "--without", "rate"], app) == 0
     assert [s["top_1"] for s in json.loads(capsys.readouterr().out)["scores"]] == [False, True]
