@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from planner.gap.campaign import (
     Specimen,
     axis_columns,
     column_levels,
+    named,
     stated,
     with_modes,
 )
@@ -676,24 +678,33 @@ def prepared(
 ) -> tuple[Problem, tuple[Untestable, ...], tuple[QualityProblem, ...]]:
     """Return a campaign ready for weighing, the effects that it says nothing about, and its faults.
 
-    Of specimens whose curves cannot be compared none is told.
+    Specimens whose curves cannot be compared, or whose travel is in another unit, are left out.
     """
     for id in without:
         effect_named(id, EFFECTS, "`without`")
     campaign = with_modes(campaign)
+    model = ObservationModel(campaign)
+    if (model.test_of < 0).any():
+        campaign, model = _kept(campaign, model.test_of >= 0, model.limitations)
+    quality = examine(campaign, model)
+    if moved := [p.specimen for p in quality if p.kind == "travel" and p.specimen]:
+        told = f"{named(moved)}: travel in another unit, as data quality says; left out"
+        campaign, model = _kept(campaign, [s.id not in moved for s in campaign.specimens], [told])
     library = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id: untestable(effect, campaign) for id, effect in library.items()}
     effects = [effect for id, effect in library.items() if reasons[id] is None]
-    model = ObservationModel(campaign)
-    if (model.test_of < 0).any():
-        kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
-        remarks = (*campaign.remarks, *model.limitations)
-        campaign = replace(campaign, specimens=kept, remarks=remarks)
-        model = ObservationModel(campaign)
-    quality = examine(campaign, model)
     problem = Problem(campaign, model, effects, progress, _strays(campaign, quality))
     untold = (Untestable(id, told) for id, told in reasons.items() if told is not None)
     return problem, tuple(untold), quality
+
+
+def _kept(
+    campaign: Campaign, kept: Sequence[bool] | BoolArray, remarks: Sequence[str]
+) -> tuple[Campaign, ObservationModel]:
+    """Return a campaign without some of its specimens, and its model."""
+    specimens = tuple(compress(campaign.specimens, kept))
+    left = replace(campaign, specimens=specimens, remarks=(*campaign.remarks, *remarks))
+    return left, ObservationModel(left)
 
 
 def _strays(campaign: Campaign, quality: Sequence[QualityProblem]) -> set[str]:

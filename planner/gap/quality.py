@@ -501,9 +501,11 @@ def _unit_problems(campaign: Campaign, loads: _Loads) -> Iterator[QualityProblem
     campaign. What is aligned with a condition cannot be told from an effect and is not named.
     """
     specimens = campaign.specimens
-    travels = {i: p for i, v in loads.items() if (p := _travel_slip(specimens[i], v)) is not None}
+    travels = dict(_travel_slips(campaign, loads))
     if 2 * len(travels) > len(loads):
-        yield _of_all(next(iter(travels.values())))
+        problem = _of_all(next(iter(travels.values())))
+        of_one = len({p.unit_of and p.unit_of.unit for p in travels.values()}) == 1
+        yield problem if of_one else replace(problem, unit_of=None)
         return
     yield from travels.values()
     rest = {i: v for i, v in loads.items() if i not in travels}
@@ -649,24 +651,62 @@ def _slip(shift: float, tolerance: float, factors: Iterable[float] = tuple(_SLIP
     return nearest if off[nearest] < tolerance else None
 
 
-def _travel_slip(specimen: Specimen, load: float) -> QualityProblem | None:
-    """Say that travel is in another unit where its declared rate and its load both tell.
+_NEARER = 0.5
+"""Distance of a load to its like, as a share of what it was, that another unit of travel leaves at
+most. Chosen: what lies nearer to another unit than to its own."""
 
-    A factor on travel is told from one on force by the rate; strains that are too small leave
-    loads that are too large. Strain in per cent is as many mm of a gauge of 100 mm.
+
+def _travel_slips(campaign: Campaign, loads: _Loads) -> Iterator[tuple[int, QualityProblem]]:
+    """Yield specimens whose travel is in another unit, as declared rate and load both tell.
+
+    A factor on travel is told from one on force by the rate. With travel in that unit the load is
+    to come near that of others of the material, or of the laws where there are none.
     """
-    if specimen.rate_mm_s is None or abs(load) < _SPLIT:
-        return None
+    specimens = campaign.specimens
+    made = [s.made_of for s in specimens]
+    logs = {i: log for i in loads if (log := _travel_log(specimens[i])) is not None}
+    if not logs:
+        return
+    scales = [math.exp(logs.get(i, 0.0)) for i in range(len(specimens))]
+    mended = tuple(
+        replace(s, displacement_mm=s.displacement_mm * scale)
+        for s, scale in zip(specimens, scales, strict=True)
+    )
+    again = _log_loads(ObservationModel(replace(campaign, specimens=mended)))
+    for i, log in logs.items():
+        alike = [v for k, v in loads.items() if k not in logs and made[k] == made[i]]
+        usual = float(np.median(alike)) if alike else 0.0
+        if i in again and abs(again[i] - usual) < _NEARER * abs(loads[i] - usual):
+            yield i, _travel_slip(specimens[i], log)
+
+
+def _travel_log(specimen: Specimen) -> float | None:
+    """Return the logarithm of the factor that brings travel to its declared rate, if a unit's.
+
+    Strain in per cent is as many mm of a gauge of 100 mm.
+    """
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
-    ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    factor = _slip(ratio, TIME_TOLERANCE, (_INCH, 100.0 / specimen.gauge_mm))
-    if factor is None or abs(ratio) < _AGAINST_LAW or ratio * load > 0.0:
+    if specimen.rate_mm_s is None or not specimen.time_recorded or speed <= 0.0:
         return None
-    other = "inches" if factor == _INCH else "per cent of the gauge length"
-    told = ("mm", other) if (ratio > 0.0) is (factor == _INCH) else (other, "mm")
-    words = f"against its declared rate and its load, as if {' taken for '.join(told)}"
-    unit = _unit_of(specimen, "travel", math.copysign(math.log(factor), -ratio))
-    return QualityProblem(specimen.id, "units", f"travel is off by {factor:.3g} {words}", unit)
+    log = math.log(specimen.rate_mm_s / speed)
+    factor = _slip(log, TIME_TOLERANCE, (_INCH, 100.0 / specimen.gauge_mm))
+    if factor is None or abs(log) < _AGAINST_LAW:
+        return None
+    return math.copysign(math.log(factor), log)
+
+
+def _travel_slip(specimen: Specimen, log: float) -> QualityProblem:
+    inches = _slip(log, TIME_TOLERANCE, (_INCH,)) is not None
+    other = "inches" if inches else "per cent of the gauge length"
+    told = ("mm", other) if (log < 0.0) is inches else (other, "mm")
+    words = (
+        f"travel is off by {math.exp(abs(log)):.3g} against its declared rate and its load, as if "
+        f"{' taken for '.join(told)}"
+    )
+    unit, own = _unit_of(specimen, "travel", log), specimen.travel_unit_mm
+    if unit is None and own is not None:
+        unit = UnitOf("travel", f"{own * math.exp(log):.6g}", (specimen.id,))
+    return QualityProblem(specimen.id, "travel", words, unit)
 
 
 _HUNDREDFOLD = (30.0, 300.0)
@@ -708,9 +748,11 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
     silent = {p.specimen for p in dead}
     # A force that stood still is named for that, and neither for its protocol nor as clipped.
     live = [s for s in specimens if s.id not in silent]
-    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
     loads = {i: v for i, v in _log_loads(model).items() if specimens[i].id not in silent}
     units = [*_unit_problems(campaign, loads), *_each("units", _field_in_percent, specimens)]
+    # What is off in its travel is so in its speed.
+    moved = {p.specimen for p in units if p.kind == "travel"}
+    timed = [s for s in specimens if s.rate_mm_s and s.time_recorded and s.id not in moved]
     suspect = {p.specimen for p in (*copies, *units)}
     judged = {i: v for i, v in loads.items() if specimens[i].id not in suspect}
     usual = float(np.median([s.load_N[0] for s in live] or [0.0]))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.formats.units import UnitOf
 from planner.gap import quality
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.diagnosis import QualityProblem
@@ -244,9 +245,9 @@ def test_a_real_effect_is_no_unit() -> None:
 def test_travel_in_inches_is_told_from_force_by_the_declared_rate() -> None:
     specimens = [replace(s, displacement_mm=s.displacement_mm / 25.4) for s in base()]
     problems = examine(campaign(*specimens))
-    (units,) = [p for p in problems if p.kind == "units"]
-    assert units.specimen is None
-    assert "inches taken for mm" in units.problem
+    (travel,) = [p for p in problems if p.kind == "travel"]
+    assert travel.specimen is None
+    assert "inches taken for mm" in travel.problem
     (rate,) = [p for p in problems if p.kind == "rate"]
     assert "mm and inches" in rate.problem
 
@@ -254,9 +255,16 @@ def test_travel_in_inches_is_told_from_force_by_the_declared_rate() -> None:
 def test_strain_in_per_cent_read_as_travel_is_no_unit_of_force() -> None:
     """Of a gauge of 25 mm travel is 4 times what it was, and loads look like pounds."""
     read = [replace(s, displacement_mm=s.displacement_mm * 100.0 / s.gauge_mm) for s in base()]
-    (units,) = [p for p in examine(campaign(*read)) if p.kind == "units"]
-    assert "as if per cent of the gauge length taken for mm" in units.problem
-    assert units.unit_of is None
+    (travel,) = [p for p in examine(campaign(*read)) if p.kind == "travel"]
+    assert "as if per cent of the gauge length taken for mm" in travel.problem
+    assert travel.unit_of == UnitOf("travel", "0.25")
+    # Of bars of several lengths no one unit mends them all.
+    lengths = [
+        replace(s, gauge_mm=s.gauge_mm * (1.0 + 0.1 * (k % 2))) for k, s in enumerate(base())
+    ]
+    read = [replace(s, displacement_mm=s.displacement_mm * 100.0 / s.gauge_mm) for s in lengths]
+    (travel,) = [p for p in examine(campaign(*read)) if p.kind == "travel"]
+    assert travel.unit_of is None
     # Of a gauge of 100 mm per cent are mm: what is off then is the force.
     long = [replace(s, gauge_mm=100.0, displacement_mm=4.0 * s.displacement_mm) for s in base()]
     pounds = [replace(s, rate_mm_s=4.0, force_N=s.force_N / POUND_N) for s in long]
@@ -276,10 +284,9 @@ def test_travel_of_one_in_inches_is_named_where_its_law_bends() -> None:
     ]
     specimens[1] = replace(specimens[1], displacement_mm=specimens[1].displacement_mm / 25.4)
     of = Campaign("faulty", "connex3", palette, tuple(specimens))
-    (unit,) = (p for p in examine(of) if p.kind == "units")
-    assert unit.specimen == "S1"
-    assert unit.unit_of is not None
-    assert unit.unit_of.quantity == "travel"
+    (problem,) = examine(of)  # nor is the rate told of again
+    assert (problem.specimen, problem.kind) == ("S1", "travel")
+    assert problem.unit_of == UnitOf("travel", "in", ("S1",))
 
 
 @pytest.mark.parametrize("share", [0.03, -0.05])

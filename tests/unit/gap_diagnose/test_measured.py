@@ -194,3 +194,23 @@ def test_a_diagnosis_of_a_stray_still_names_it(planned, imitated) -> None:
     found = diagnose(with_stray(imitated(plan, "rate:rise=0.2,form=power-law"), 3.0))
     assert found.verdict == "rate"
     assert found.data_quality[0].specimen == f"SIM-{plan.specimens[0].id}"
+
+
+def test_travel_in_per_cent_of_some_is_left_out_and_not_explained(planned, imitated) -> None:
+    made = imitated(
+        planned(4, batches=1, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 8.5])
+    )
+    specimens = [
+        replace(s, displacement_mm=s.displacement_mm * 100.0 / s.gauge_mm) if k in (1, 9) else s
+        for k, s in enumerate(made.specimens)
+    ]
+    read = replace(made, specimens=tuple(specimens))
+    ids = [specimens[k].id for k in (1, 9)]
+    found = diagnose(read)
+    assert found.verdict == "none"
+    assert [(p.specimen, p.kind) for p in found.data_quality] == [(id, "travel") for id in ids]
+    assert found.specimens == len(specimens) - 2
+    assert any(f"{ids[0]}, {ids[1]}" in told for told in found.limitations)
+    # What mends it is told as an option, of both.
+    (unit,) = found.unit_of
+    assert (unit.quantity, unit.specimens) == ("travel", tuple(ids))
