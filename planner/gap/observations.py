@@ -456,7 +456,8 @@ class ObservationModel:
         for number, members in enumerate(self.replicates):
             alike[list(members)] = number
         peak_N = np.abs(self.alone.force_N).max(axis=1)
-        rows, seen_at = list[tuple[float, ...]](), list[tuple[int, int, Bins]]()
+        rows = list[tuple[float, ...]]()
+        seen_at = list[tuple[int, int, Bins]]()
         for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
             test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
             floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))

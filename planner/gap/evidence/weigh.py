@@ -666,7 +666,8 @@ def _in_all_forms(
 
 def _partners(one: PosteriorMode) -> list[Candidate]:
     """Join a candidate at its mode with each other effect in its best form, the best first."""
-    own, best = one.candidate, dict[Effects, Candidate]()
+    own = one.candidate
+    best = dict[Effects, Candidate]()
     for c in one.beside:
         if not set(c.effects) & set(own.effects):
             best.setdefault(c.effects, joined([*own.parts, *c.parts]))
@@ -689,7 +690,8 @@ def _modes_beside_some(result: Weighed, likelihoods: Sequence[Likelihood]) -> li
     left = replace(result.none, candidate=some, target=result.none.target - gain)
     likelihoods = [likelihood for likelihood in likelihoods if likelihood.scale == 1.0]
     left = replace(left, likelihood=max(likelihoods, key=lambda w: left.eliminated(w).none))
-    found, leading = dict[Effects, PosteriorMode](), [left]
+    found = dict[Effects, PosteriorMode]()
+    leading = [left]
     for _ in range(min(_most_effects(left.likelihood.problem), _MOST_EFFECTS - 1)):
         for one in leading:  # the best ones, as the second may be better beside a third
             beside = [c for c in _partners(one) if _GAIN not in c.effects]
@@ -786,7 +788,8 @@ def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]
     Effects beside an unknown along an axis go by whichever of both is likelier alone: what an axis
     explains, and effects mend, is no evidence for the effects.
     """
-    together, beside = dict[Effects, float](), dict[Effects, float]()
+    together = dict[Effects, float]()
+    beside = dict[Effects, float]()
     total = float(logsumexp(list(log_odds.values())))
     for (effects, axis), value in log_odds.items():
         alone = log_odds.get((effects, ""), -np.inf)
@@ -974,7 +977,8 @@ def _explained(
     test_of = problem.model.test_of
     gain = {e: weighed.log_evidence[e, ""] - none for e in weighed.best if e}
     best = sorted(gain, key=lambda e: -gain[e])[:_LOOKED_AT]
-    closes, without = dict[Effects, bool](), dict[Effects, Effects]()
+    closes = dict[Effects, bool]()
+    without = dict[Effects, Effects]()
     errors: dict[Effects, FloatArray] = {}
     for effects in sorted((e for e in gain if any(set(e) <= set(b) for b in best)), key=len):
         before, after = weighed.errors(effects, own=not within_floor)
