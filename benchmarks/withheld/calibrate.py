@@ -113,7 +113,7 @@ def vector(p: Priors) -> FloatArray:
     """Return priors as free numbers; the single effects' is what the others go by."""
     odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
     shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed, p.imitated)]
-    positive = (p.temperature, p.coarseness_nats, p.imitation_nats)
+    positive = (p.temperature, p.coarseness_nats, p.imitation_nats, p.imitated_by_three)
     return np.array([*odds, *shares, *map(math.log, positive)])
 
 
@@ -135,6 +135,7 @@ def priors_of(vector: FloatArray) -> Priors:
         temperature=min(math.exp(v[7]), 1.0),
         coarseness_nats=math.exp(v[8]),
         imitation_nats=math.exp(v[9]),
+        imitated_by_three=math.exp(v[10]),
     )
 
 

@@ -60,6 +60,8 @@ class Priors:
     imitated, imitation_nats
         Of whatever the data name, the share of causes out of the library that look the same, and
         what an effect gains where half of what a pattern beside it gains speaks for such a cause.
+    imitated_by_three
+        Odds that such a cause looks like three effects, over those that it looks like fewer.
     temperature, coarseness_nats
         Share of itself that log evidence counts at least, and what the best hypothesis gains where
         half of the rest counts too: no form is exact, and the more strongly an effect shows, the
@@ -77,6 +79,7 @@ class Priors:
     claimed: float = 0.000412
     imitated: float = 0.058
     imitation_nats: float = 50.0
+    imitated_by_three: float = 4.0
     temperature: float = 0.2
     coarseness_nats: float = 5.0
 
@@ -1076,11 +1079,6 @@ _SURE = 30.0
 """Log odds that are as good as certain. Numerical: what is left is not rounded to nothing."""
 
 
-_LIKELIER = 4.0
-"""Odds that a cause out of the library looks like three effects, over those that it looks like
-fewer. Calibrated: of 88 validation campaigns, none with three, two named three, one with .91."""
-
-
 def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     """Return how probable it is that a cause out of the library looks like effects.
 
@@ -1094,7 +1092,7 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     beside = [v - own for (e, at), v in found.items() if e == effects and at not in {"", *own_axes}]
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
     log_odds = min(_counted(found, priors), form) * max([0.0, *beside])
-    log_odds += np.log(_LIKELIER) * (len(effects) > 2)
+    log_odds += np.log(priors.imitated_by_three) * (len(effects) > 2)
     return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
 
 
