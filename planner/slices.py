@@ -4,7 +4,7 @@ import hashlib
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
 from itertools import islice
@@ -20,11 +20,11 @@ from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
 from planner.formats.tables import encode_csv
 from planner.glance import brief, channels, counted, one_line, outcome
-from planner.mesh.mesh import Mesh, compact, weld
-from planner.numerics import FloatArray, Int32Array, IntArray, kernel
+from planner.mesh.mesh import Mesh, weld
+from planner.numerics import FloatArray, IntArray, kernel
 from planner.plan import PartGraded, Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
-from planner.voxels.columns import Grid, check_reach, deal_rows, grid_for, paint, slab_runs, snap
+from planner.voxels.columns import Grid, Slab, check_reach, deal_rows, grid_for, paint, snap
 
 __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
@@ -39,40 +39,7 @@ __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 _SLAB_ROWS = 1 << 17  # about: a slab's working arrays stay in the second-level cache
 
 
-@dataclass(frozen=True, eq=False)
-class SlabTriangles:
-    """What is needed of a mesh to make the layers first_layer <= k < last_layer.
-
-    Attributes
-    ----------
-    shape
-        Voxels along x, y, z of the whole grid.
-    snapped : (n, 3) int64
-        Vertices as y, z, x in lattice units of the grid.
-    faces : (m, 3) int32
-        Indices into `snapped`.
-    members : (k,) int32
-        The faces that reach into the slab.
-    spans
-        Layers of the slab that these cross in all.
-    """
-
-    shape: tuple[int, int, int]
-    first_layer: int
-    last_layer: int
-    snapped: NDArray[np.int64]
-    faces: Int32Array
-    members: Int32Array
-    spans: int
-
-    def alone(self) -> "SlabTriangles":
-        """Return the same without the faces and vertices that the slab does not need."""
-        used, faces = compact(self.faces[self.members], len(self.snapped))
-        members = np.arange(len(faces), dtype=np.int32)
-        return replace(self, snapped=self.snapped[used], faces=faces, members=members)
-
-
-def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
+def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[Slab]:
     """Deal a mesh's triangles to slabs of layers, from the lowest up; see `deal_rows`.
 
     Raises
@@ -80,33 +47,14 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
     MeshError
         No faces; or a vertex is not finite, or more than 16384 voxels away from another.
     """
-    ny, nz = grid.shape[1:]
+    nx, ny, nz = grid.shape
     check_reach(mesh, grid)
     snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
-    for first, last, members, spans in deal_rows(snapped, mesh.faces, ny, nz, slab_layers):
-        yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
+    return deal_rows(snapped, mesh.faces, (ny, nz, nx), slab_layers)
 
 
-_Slab = Sequence[SlabTriangles]
+_Slabs = Sequence[Slab]
 """The same layers of each shell."""
-
-
-def runs_along_x(slab: SlabTriangles) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Return the runs of inside voxels along x of one slab's layers.
-
-    Returns
-    -------
-    offsets : (layers * ny + 1,) int64
-        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
-        ``offsets[number]`` to ``offsets[number + 1]``.
-    start, stop : (runs,) int32
-        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
-    open_rows
-        Rows whose entries and exits do not pair up: the mesh is not closed.
-    """
-    nx, ny, _ = slab.shape
-    triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
-    return slab_runs(*triangles, slab.first_layer, slab.last_layer, ny, nx, 0, row_leads=True)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -189,7 +137,7 @@ def _open_shells(
     return _PlanShells(plan, hashlib.sha256(file.read_bytes()).hexdigest(), name, shells, grid)
 
 
-def _deal_slabs(shells: _PlanShells, slab_layers: int | None = None) -> Iterator[_Slab]:
+def _deal_slabs(shells: _PlanShells, slab_layers: int | None = None) -> Iterator[_Slabs]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
     _, ny, nz = shells.grid.shape
     layers = max(1, min(_SLAB_ROWS // ny, nz)) if slab_layers is None else slab_layers
@@ -262,11 +210,11 @@ def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
 
 
 _Runs = tuple[IntArray, IntArray, IntArray, IntArray]
-"""Runs along x of whole layers: offsets, start and stop, as of `runs_along_x`, and labels (runs,)
+"""Runs along x of whole layers: offsets, start and stop, as of `Slab.runs`, and labels (runs,)
 int32, n + 1 of shell n."""
 
 
-def _join_shells(shells: _Slab) -> tuple[_Runs, NDArray[np.int64], int, int]:
+def _join_shells(shells: _Slabs) -> tuple[_Runs, NDArray[np.int64], int, int]:
     """Join the runs that shells have in the same layers.
 
     Returns
@@ -274,8 +222,8 @@ def _join_shells(shells: _Slab) -> tuple[_Runs, NDArray[np.int64], int, int]:
     runs, voxels, overlapping, open_rows
         Each voxel is drawn once; the others are those of `_SlabImages`.
     """
-    ny, each = shells[0].shape[1], zip(*map(runs_along_x, shells), strict=True)
-    own_offsets, starts, stops, open_rows = each
+    ny, each = shells[0].shape[0], [shell.runs(row_leads=True) for shell in shells]
+    own_offsets, starts, stops, open_rows = zip(*each, strict=True)
     rows = len(own_offsets[0]) - 1
     before = np.cumsum([0, *map(len, starts)])
     offsets = np.stack([own + n for own, n in zip(own_offsets, before, strict=False)])
@@ -348,13 +296,13 @@ class _SlabImages:
     open_rows: int
 
 
-def _make_slab(kind: ImageKind, shells: _Slab) -> _SlabImages:
+def _make_slab(kind: ImageKind, shells: _Slabs) -> _SlabImages:
     """Make the images of a slab: the triangles of each shell there, and how images look."""
-    nx, ny, _ = shells[0].shape
+    ny, _, nx = shells[0].shape
     runs, voxels, overlapping, open_rows = _join_shells(shells)
     rows = range(0, len(runs[0]) - 1, ny)
     images = tuple(encode_layer(runs, (row, row + ny), nx, kind) for row in rows)
-    return _SlabImages(shells[0].first_layer, images, voxels, overlapping, open_rows)
+    return _SlabImages(shells[0].first, images, voxels, overlapping, open_rows)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -417,9 +365,9 @@ def iterate_layers(
     nx, ny, _ = grid.shape
     for slab in _deal_slabs(source):
         (offsets, start, stop, material), *_ = _join_shells(slab)
-        for index in range(slab[0].first_layer, slab[0].last_layer):
+        for index in range(slab[0].first, slab[0].last):
             label = np.zeros((ny, nx), np.uint8)
-            first = (index - slab[0].first_layer) * ny
+            first = (index - slab[0].first) * ny
             paint(offsets[first : first + ny + 1], start, stop, material, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)
@@ -555,7 +503,7 @@ _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
 def _make_slabs_on(
-    scheduler: str, kind: ImageKind, slabs: Iterator[_Slab]
+    scheduler: str, kind: ImageKind, slabs: Iterator[_Slabs]
 ) -> Iterator[_SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
@@ -614,7 +562,7 @@ def _threads(client: Any, scheduler: str) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def _make_elsewhere(kind: ImageKind, shells: _Slab, version: str) -> _SlabImages:
+def _make_elsewhere(kind: ImageKind, shells: _Slabs, version: str) -> _SlabImages:
     """Make a slab, if this is the planner that asked: another might choose other voxels."""
     from planner import __version__
 

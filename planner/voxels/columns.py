@@ -1,26 +1,26 @@
 """A mesh as columns of voxels: runs along z that lie inside."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh, face_normal
+from planner.mesh.mesh import Mesh, compact, face_normal
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
 __all__ = [
     "MOST_VOXELS",
     "Columns",
     "Grid",
+    "Slab",
     "check_reach",
     "deal_rows",
     "dense",
     "grid_for",
     "iterate_columns",
-    "slab_runs",
     "snap",
     "voxel_counts",
     "voxelize",
@@ -61,19 +61,77 @@ def _ceil_voxel(coordinate: Any) -> Any:
     return (coordinate + (_LATTICE - 1)) >> _SHIFT
 
 
+@dataclass(frozen=True, eq=False)
+class Slab:
+    """What is needed of a mesh to walk the rows first <= row < last.
+
+    Attributes
+    ----------
+    shape
+        Pixels of a row, rows and voxels along the depth, of the whole grid.
+    snapped : (n, 3) int64
+        Vertices in lattice units: along the pixels, the rows and the depth.
+    faces : (m, 3) int32
+        Those that reach into the slab, as indices into `snapped`.
+    spans
+        Rows of the slab that these cross in all, at most.
+    """
+
+    shape: tuple[int, int, int]
+    first: int
+    last: int
+    snapped: IntArray
+    faces: NDArray[np.int32]
+    spans: int
+
+    def alone(self) -> "Slab":
+        """Return the same without the vertices that the slab does not need."""
+        used, faces = compact(self.faces, len(self.snapped))
+        return replace(self, snapped=self.snapped[used], faces=faces)
+
+    def runs(
+        self, *, shortest: int = 0, row_leads: bool = False
+    ) -> tuple[IntArray, IntArray, IntArray, int]:
+        """Return the runs of inside voxels along the depth.
+
+        Parameters
+        ----------
+        shortest
+            A run of fewer voxels is lengthened to this many (0: it is dropped when empty).
+        row_leads
+            Whether ties are decided along the rows first, not along the depth.
+
+        Returns
+        -------
+        offsets, start, stop, unpaired
+            The line of pixel i of a row is number ``(row - first) * pixels + i``, and has the runs
+            ``offsets[number]`` to ``offsets[number + 1]``; these rise and do not touch, and hold
+            the voxels start <= voxel < stop. Unpaired are lines whose entries and exits do not
+            pair up.
+        """
+        nx, _, nz = self.shape
+        mesh, first = (self.snapped, self.faces), self.first
+        cursor = np.zeros((self.last - first) * nx + 1, np.int32)
+        columns, heights = np.empty((self.spans, 4), np.int32), np.empty((self.spans, 2))
+        n = _spans(*mesh, first, self.last, nx, row_leads, cursor, columns, heights)
+        crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
+        start, stop = np.empty((2, crossings // 2), np.int32)
+        offsets = np.zeros(len(cursor), np.int64)
+        keys = np.empty(crossings, np.int32)
+        drawn = columns[:n], heights, *mesh, first, nx, row_leads
+        runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
+        return offsets, start[:runs], stop[:runs], int(unpaired)
+
+
 def deal_rows(
-    snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int, slab_rows: int
-) -> Iterator[tuple[int, int, NDArray[np.int32], int]]:
-    """Deal triangles to slabs of rows, from the lowest up.
+    snapped: IntArray, faces: NDArray[np.int32], shape: tuple[int, int, int], slab_rows: int
+) -> Iterator[Slab]:
+    """Deal triangles to slabs of rows, from the lowest up; the arguments are those of `Slab`.
 
     Faces that cover no column (steep or small) are left out. Memory grows with the mesh, not with
     the number of slabs: faces are kept while they reach into the slab at hand.
-
-    Yields
-    ------
-    first, last, members, spans
-        Rows of a slab, the faces that reach into it, and how many of its rows they cross in all.
     """
+    nx, ny, _ = shape
     low, high = np.empty((2, len(faces)), np.int16)  # sorting whole ones takes a few passes
     _cover(snapped, faces, nx, ny, low, high)
     rising = np.flatnonzero(low < high).astype(np.int32)
@@ -86,7 +144,8 @@ def deal_rows(
         last = min(first + slabs.step, ny)
         members = np.append(members.compress(high.take(members) > first), own)
         crossed = np.minimum(high.take(members), last) - np.maximum(low.take(members), first)
-        yield first, last, members, int(crossed.sum(dtype=np.int64))
+        own_faces, spans = faces.take(members, axis=0), int(crossed.sum(dtype=np.int64))
+        yield Slab(shape, first, last, snapped, own_faces, spans)
 
 
 @kernel
@@ -128,16 +187,15 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
 
 @kernel
 def _spans(
-    snapped: IntArray, faces: IntArray, members: IntArray, row0: int, row1: int, nx: int,
-    row_leads: bool, counts: IntArray, columns: IntArray, heights: FloatArray,
+    snapped: IntArray, faces: IntArray, row0: int, row1: int, nx: int, row_leads: bool,
+    counts: IntArray, columns: IntArray, heights: FloatArray,
 ) -> int:  # fmt: skip
     # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
     # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
     # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
     # ends, so that its running sum counts a column's crossings.
     n = 0
-    for m in range(len(members)):
-        f = members[m]
+    for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         normal = face_normal(snapped, a, b, c)
         level = normal[0] == 0 and normal[1] == 0
@@ -186,41 +244,6 @@ def _spans(
             counts[columns[n, 0] + columns[n, 1]] -= 1
             n += 1
     return n
-
-
-def slab_runs(
-    snapped: NDArray[np.int64], faces: NDArray[np.int32], members: NDArray[np.int32], spans: int,
-    row0: int, row1: int, nx: int, nz: int, shortest: int, row_leads: bool = False,
-) -> tuple[IntArray, IntArray, IntArray, int]:  # fmt: skip
-    """Return the runs of one slab of rows.
-
-    Parameters
-    ----------
-    spans
-        At least the number of rows that the members cross in all.
-    shortest
-        A run of fewer voxels is lengthened to this many (0: it is dropped when empty).
-    row_leads
-        Whether ties are decided along the rows first, not along the depth.
-
-    Returns
-    -------
-    offsets, start, stop, unpaired
-        Runs of column c: ``start[offsets[c]:offsets[c + 1]]``; and how many columns there are whose
-        entries and exits do not pair up.
-    """
-    cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
-    columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
-    n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
-    crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
-    start, stop = np.empty((2, crossings // 2), np.int32)
-    offsets = np.zeros(len(cursor), np.int64)
-    if not crossings:
-        return offsets, start, stop, 0
-    keys = np.empty(crossings, np.int32)
-    drawn = (columns[:n], heights, snapped, faces, row0, nx, row_leads)
-    runs, unpaired = _runs(*drawn, cursor, keys, nz, shortest, offsets, start, stop)
-    return offsets, start[:runs], stop[:runs], int(unpaired)
 
 
 @inner_kernel
@@ -479,11 +502,9 @@ def columns_of(
     slab_rows: int | None = None, shortest: int = 0,
 ) -> Iterator[Columns]:  # fmt: skip
     """Make columns of some faces between vertices in lattice units; see `iterate_columns`."""
-    nx, ny, nz = grid.shape
-    rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
-    for first, last, members, spans in deal_rows(snapped, faces, nx, ny, rows):
-        runs = slab_runs(snapped, faces, members, spans, first, last, nx, nz, shortest)
-        yield Columns(grid, first, *runs)
+    rows = max(1, _SLAB_COLUMNS // grid.shape[0]) if slab_rows is None else slab_rows
+    for slab in deal_rows(snapped, faces, grid.shape, rows):
+        yield Columns(grid, slab.first, *slab.runs(shortest=shortest))
 
 
 def voxel_counts(

@@ -8,7 +8,7 @@ import trimesh
 
 from planner.errors import MeshError
 from planner.mesh.mesh import Mesh
-from planner.slices import iterate_slabs, runs_along_x
+from planner.slices import iterate_slabs
 from planner.voxels.columns import Grid, dense, grid_for, iterate_columns
 
 
@@ -17,11 +17,11 @@ def by_layers(mesh: Mesh, grid: Grid, slab_layers: int = 3, *, alone: bool = Fal
     nx, ny, nz = grid.shape
     voxels = np.zeros((nz * ny, nx), bool)
     for slab in iterate_slabs(mesh, grid, slab_layers):
-        offsets, starts, stops, open_rows = runs_along_x(slab.alone() if alone else slab)
+        offsets, starts, stops, open_rows = (slab.alone() if alone else slab).runs(row_leads=True)
         assert open_rows == 0
         for row, (first, last) in enumerate(itertools.pairwise(offsets)):
             for start, stop in zip(starts[first:last], stops[first:last], strict=True):
-                voxels[slab.first_layer * ny + row, start:stop] = True
+                voxels[slab.first * ny + row, start:stop] = True
     return voxels.reshape(nz, ny, nx).transpose(2, 1, 0)
 
 
