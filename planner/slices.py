@@ -24,37 +24,13 @@ from planner.mesh.mesh import Mesh, weld
 from planner.numerics import FloatArray, IntArray, kernel
 from planner.plan import PartGraded, Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
-from planner.voxels.columns import Grid, Slab, check_reach, deal_rows, grid_for, paint, snap
+from planner.voxels.columns import Grid, Slab, grid_for, iterate_slabs, paint
 
 __all__ = ["Layer", "SliceStack", "iterate_layers", "write_slices"]
 
 
-# ------------------------------------------------------------------------------------------------
-# A mesh as layers of voxels: for each row of a layer, the runs along x that lie inside.
-#
-# The voxels are those of `planner.voxels.columns` on the same grid, made layer by layer from the
+# The voxels are those of `planner.voxels.columns`, as runs along x, made layer by layer from the
 # lowest up, so that a stack of images can be written while a few layers are held in memory.
-
-
-_SLAB_ROWS = 1 << 17  # about: a slab's working arrays stay in the second-level cache
-
-
-def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[Slab]:
-    """Deal a mesh's triangles to slabs of layers, from the lowest up; see `deal_rows`.
-
-    Raises
-    ------
-    MeshError
-        No faces; or a vertex is not finite, or more than 16384 voxels away from another.
-    """
-    nx, ny, nz = grid.shape
-    check_reach(mesh, grid)
-    snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
-    return deal_rows(snapped, mesh.faces, (ny, nz, nx), slab_layers)
-
-
-_Slabs = Sequence[Slab]
-"""The same layers of each shell."""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -63,6 +39,9 @@ _Slabs = Sequence[Slab]
 
 _Pitch = float | Sequence[float] | None
 """Edges of a voxel along x, y, z, or one for all; the printer's own where there is none."""
+
+_Slabs = Sequence[Slab]
+"""The same layers of each shell."""
 
 _UNKNOWN_COLOUR = "#808080"
 _MOST_SHELLS = 255  # labels are bytes
@@ -139,9 +118,7 @@ def _open_shells(
 
 def _deal_slabs(shells: _PlanShells, slab_layers: int | None = None) -> Iterator[_Slabs]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
-    _, ny, nz = shells.grid.shape
-    layers = max(1, min(_SLAB_ROWS // ny, nz)) if slab_layers is None else slab_layers
-    dealt = (iterate_slabs(shell.mesh, shells.grid, layers) for shell in shells.shells)
+    dealt = (iterate_slabs(shell.mesh, shells.grid, slab_layers) for shell in shells.shells)
     return zip(*dealt, strict=True)
 
 

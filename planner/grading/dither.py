@@ -30,7 +30,7 @@ from planner.mesh.mesh import Mesh, compact
 from planner.numerics import Float32Array, FloatArray, IntArray, as_point, kernel
 from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer
-from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
+from planner.voxels.columns import MOST_VOXELS, Grid, dense, inside_shares, voxelize
 
 __all__ = ["CellDesign", "cell_design"]
 
@@ -305,8 +305,10 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     """Count the cells of a part."""
     cell_mm = dealt.cell_mm
     first = mesh.bounds_mm[0] - (1.5 + FIRST_SHIFT) * cell_mm
-    shape = tuple(np.ceil((mesh.bounds_mm[1] - first) / cell_mm).astype(int).tolist())
-    inside = _inside(mesh, first, cell_mm, shape)
+    nx, ny, nz = np.ceil((mesh.bounds_mm[1] - first) / cell_mm).astype(int).tolist()
+    shape = nx, ny, nz
+    parts = _PARTS if _PARTS * max(shape) < MOST_VOXELS else 1
+    inside = inside_shares(mesh, Grid(as_point(first), (cell_mm, cell_mm, cell_mm), shape), parts)
     used = np.flatnonzero(inside)
     stretch, piece = np.empty((2, len(used)), dtype=np.int64)
     fraction, centre = np.empty(len(used)), np.empty((len(used), 3))
@@ -317,7 +319,7 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
         stretch[own], fraction[own], piece[own] = dealt.deal(centre[own])
     label = np.full(shape, -1, dtype=np.int16)
     label.reshape(-1)[used] = piece
-    share = inside.reshape(-1)[used] / _PARTS**3
+    share = inside.reshape(-1)[used]
     volume = share * own_volumes(label).reshape(-1)[used] * cell_mm**3
     stretches, pieces = len(dealt.along), len(dealt.pieces)
     key = stretch * pieces + piece
@@ -331,24 +333,6 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     volume_mm3 = np.asarray(volumes, np.float64).reshape(stretches, pieces)
     mean = np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0)
     return CellCounts(volume_mm3, bounds.reshape(stretches, pieces, 2, 3), cells, mean)
-
-
-def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...]) -> FloatArray:
-    """Return how many of a cell's parts are inside, all of them being `_PARTS` cubed."""
-    parts = _PARTS if _PARTS * max(shape) < MOST_VOXELS else 1
-    nx, ny, nz = (n * parts for n in shape)
-    fine_mm = cell_mm / parts
-    grid = Grid(as_point(first), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
-    count = np.zeros(shape)
-    slab_rows = parts * max(1, _SLAB_COLUMNS // (nx * parts))
-    for columns in iterate_columns(mesh, grid, slab_rows=slab_rows):
-        row, blocks = columns.first_row // parts, (shape[0], parts, -1, parts, shape[2], parts)
-        own = dense(columns).reshape(blocks).sum(axis=(1, 3, 5))
-        count[:, row : row + own.shape[1]] = own
-    return count * float((_PARTS // parts) ** 3)
-
-
-_SLAB_COLUMNS = 1 << 14  # a few MB of voxels
 
 
 # ------------------------------------------------------------------------------------------------
@@ -394,18 +378,13 @@ def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
     pitch_mm = max(math.cbrt(extent_mm.prod() / _SAMPLES), float(extent_mm.max()) / 16000.0)
     table = blue_noise_bevelled()
-    count, drawn = 0, 0.0
-    grid = grid_for(mesh.bounds_mm, pitch_mm)
-    for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns)) + np.array([0, columns.first_row, 0])
-        share = table.dealt_for(dealt.wanted(grid.centre_mm(index))[1])
-        drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
-        count += len(index)
-    if count == 0:  # walls thinner than the sample's pitch
-        drawn, count = float(table.triangles_per_cell.max()), 1
-    drawn /= count
+    columns, most = voxelize(mesh, pitch_mm), float(table.triangles_per_cell.max())
+    centres = columns.grid.centre_mm(np.argwhere(dense(columns)))
+    share = table.dealt_for(dealt.wanted(centres)[1])
+    each = np.interp(share, table.dealt, table.triangles_per_cell)
+    drawn = float(each.mean()) if len(each) else most  # walls thinner than the sample's pitch
     inner = 2.0 * drawn * mesh.volume_mm3 / dealt.cell_mm**3
-    busy = drawn / float(table.triangles_per_cell.max())
+    busy = drawn / most
     return inner, _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2
 
 

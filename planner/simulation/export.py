@@ -25,7 +25,7 @@ from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
 from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
-from planner.voxels.columns import MOST_VOXELS, Grid, dense, iterate_columns
+from planner.voxels.columns import MOST_VOXELS, Grid, inside_shares
 
 __all__ = ["Export", "ExportedMaterial", "export"]
 
@@ -204,12 +204,7 @@ def _half_full(surface: Mesh, cell_mm: float) -> tuple[FloatArray, FloatArray, B
             "are possible: take larger ones"
         )
     edges = (high - low) / (nx, ny, nz)
-    pitch, columns = as_point(edges / _ACROSS), (nx * _ACROSS, ny * _ACROSS, nz * _ACROSS)
-    grid = Grid(as_point(low), pitch, columns)
-    share = np.empty((nx, ny, nz))
-    for slab in iterate_columns(surface, grid, slab_rows=_ACROSS):
-        inside = dense(slab).reshape(nx, _ACROSS, _ACROSS, nz, _ACROSS)
-        share[:, slab.first_row // _ACROSS] = inside.mean(axis=(1, 2, 4))
+    share = inside_shares(surface, Grid(as_point(low), as_point(edges), (nx, ny, nz)), _ACROSS)
     return low, edges, share >= 0.5
 
 

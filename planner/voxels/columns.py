@@ -16,11 +16,11 @@ __all__ = [
     "Columns",
     "Grid",
     "Slab",
-    "check_reach",
-    "deal_rows",
     "dense",
     "grid_for",
+    "inside_shares",
     "iterate_columns",
+    "iterate_slabs",
     "snap",
     "voxel_counts",
     "voxelize",
@@ -59,6 +59,9 @@ def snap(vertices: FloatArray, grid: "Grid") -> NDArray[np.int64]:
 @inner_kernel
 def _ceil_voxel(coordinate: Any) -> Any:
     return (coordinate + (_LATTICE - 1)) >> _SHIFT
+
+
+_SLAB_LINES = 1 << 17  # a slab's working arrays stay in the second-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +127,20 @@ class Slab:
 
 
 def deal_rows(
-    snapped: IntArray, faces: NDArray[np.int32], shape: tuple[int, int, int], slab_rows: int
+    snapped: IntArray, faces: NDArray[np.int32], shape: tuple[int, int, int], rows: int | None
 ) -> Iterator[Slab]:
     """Deal triangles to slabs of rows, from the lowest up; the arguments are those of `Slab`.
 
-    Faces that cover no column (steep or small) are left out. Memory grows with the mesh, not with
-    the number of slabs: faces are kept while they reach into the slab at hand.
+    By default a slab has about 10^5 lines, a few MB. Faces that cover no column (steep or small)
+    are left out. Memory grows with the mesh, not with the number of slabs: faces are kept while
+    they reach into the slab at hand.
     """
     nx, ny, _ = shape
+    rows = max(1, _SLAB_LINES // nx) if rows is None else rows
     low, high = np.empty((2, len(faces)), np.int16)  # sorting whole ones takes a few passes
     _cover(snapped, faces, nx, ny, low, high)
     rising = np.flatnonzero(low < high).astype(np.int32)
-    slabs = range(0, ny, min(slab_rows, ny))
+    slabs = range(0, ny, min(rows, ny))
     of_slab = low[rising] // slabs.step
     ends = np.cumsum(np.bincount(of_slab, minlength=len(slabs)))
     begun = np.split(rising[np.argsort(of_slab, kind="stable")], ends[:-1])  # nearby ones together
@@ -367,8 +372,6 @@ def paint(offsets: Any, start: Any, stop: Any, label: Any, filled: Any) -> None:
 MOST_VOXELS = 1 << 14
 """Along an axis of a grid."""
 
-_SLAB_COLUMNS = 1 << 17  # a slab's working arrays stay in the second-level cache
-
 
 @dataclass(frozen=True)
 class Grid:
@@ -502,9 +505,25 @@ def columns_of(
     slab_rows: int | None = None, shortest: int = 0,
 ) -> Iterator[Columns]:  # fmt: skip
     """Make columns of some faces between vertices in lattice units; see `iterate_columns`."""
-    rows = max(1, _SLAB_COLUMNS // grid.shape[0]) if slab_rows is None else slab_rows
-    for slab in deal_rows(snapped, faces, grid.shape, rows):
+    for slab in deal_rows(snapped, faces, grid.shape, slab_rows):
         yield Columns(grid, slab.first, *slab.runs(shortest=shortest))
+
+
+def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int | None = None) -> Iterator[Slab]:
+    """Deal a closed mesh's triangles to slabs of layers, from the lowest up, for runs along x.
+
+    Pixels are along y, rows along z; `Slab.runs` with `row_leads` holds the voxels of
+    `iterate_columns`.
+
+    Raises
+    ------
+    MeshError
+        See `iterate_columns`.
+    """
+    nx, ny, nz = grid.shape
+    check_reach(mesh, grid)
+    snapped = np.ascontiguousarray(snap(mesh.vertices, grid)[:, [1, 2, 0]])
+    return deal_rows(snapped, mesh.faces, (ny, nz, nx), slab_layers)
 
 
 def voxel_counts(
@@ -534,6 +553,29 @@ def dense(columns: Columns) -> BoolArray:
     inside = np.ones(len(columns.start), np.int32)
     paint(columns.offsets, columns.start, columns.stop, inside, voxels)
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
+
+
+_BLOCK_COLUMNS = 1 << 14  # a few MB of voxels
+
+
+def inside_shares(mesh: Mesh, grid: Grid, parts: int) -> FloatArray:
+    """Return which share of each cell of a grid is inside, by so many parts along each edge.
+
+    Raises
+    ------
+    ArgumentError, MeshError
+        The parts are too many for a grid; see `iterate_columns`.
+    """
+    nx, ny, nz = grid.shape
+    fine_mm = as_point(np.array(grid.pitch_mm) / parts)
+    fine = Grid(grid.origin_mm, fine_mm, (nx * parts, ny * parts, nz * parts))
+    rows = max(1, _BLOCK_COLUMNS // (nx * parts))
+    share = np.empty(grid.shape)
+    for columns in iterate_columns(mesh, fine, slab_rows=rows * parts):
+        first = columns.first_row // parts
+        blocks = dense(columns).reshape(nx, parts, -1, parts, nz, parts)
+        share[:, first : first + rows] = blocks.mean(axis=(1, 3, 5))
+    return share
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:

@@ -8,8 +8,7 @@ import trimesh
 
 from planner.errors import MeshError
 from planner.mesh.mesh import Mesh
-from planner.slices import iterate_slabs
-from planner.voxels.columns import Grid, dense, grid_for, iterate_columns
+from planner.voxels.columns import Grid, dense, grid_for, iterate_columns, iterate_slabs
 
 
 def by_layers(mesh: Mesh, grid: Grid, slab_layers: int = 3, *, alone: bool = False) -> np.ndarray:
