@@ -11,7 +11,7 @@ from planner.errors import ArgumentError, as_number
 from planner.fields.basic import Field, PlanarField
 from planner.grading.profile import Band, Profile
 from planner.mesh.mesh import Mesh
-from planner.numerics import FloatArray
+from planner.numerics import BoolArray, FloatArray
 from planner.printers import Printer
 
 __all__ = ["snap_limit_mm", "snapped_bands"]
@@ -76,7 +76,7 @@ class _Alongside:
     high: FloatArray
     area_mm2: FloatArray
     per_mm: FloatArray
-    ahead: FloatArray
+    ahead: BoolArray
 
     def area_of_slivers_mm2(self, levels: FloatArray, limit_mm: float) -> FloatArray:
         """Return how much of the faces has a layer below a limit at each of some cuts, (k,)."""
@@ -124,20 +124,15 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
     """Find them; None of a field that is not one number everywhere, which cutting tells."""
     corners, normal = mesh.triangles, mesh.area_vectors_mm2
     area = np.linalg.norm(normal, axis=1)
-    solid = area > 0.0
+    looked = np.flatnonzero(area > 0.0)
+    step_mm = 1e-3 * float(np.ptp(mesh.bounds_mm, axis=0).max())
     if isinstance(field, PlanarField):
-        direction, _ = field.plane(0.0)
-        per_mm = 1.0 / (field.plane(1.0)[1] - field.plane(0.0)[1])
-        cosine = np.divide(normal @ direction, area, out=np.zeros_like(area), where=solid)
-        found = np.flatnonzero(np.abs(cosine) >= _ALONGSIDE)
-        values = field.values(corners[found].reshape(-1, 3)).reshape(-1, 3)
-        low, high = values.min(axis=1), values.max(axis=1)
-        slope, cosine = np.full(len(found), per_mm), cosine[found]
-        weight = area[found]
+        direction, first_mm = field.plane(0.0)
+        slopes = direction / (field.plane(1.0)[1] - first_mm)
+        centre = corners[looked].mean(axis=1)
+        value, gradient = field.values(centre), np.broadcast_to(slopes, centre.shape)
     else:
-        looked = np.flatnonzero(solid)
         looked = looked[:: max(1, -(-len(looked) // _MOST_SAMPLES))]
-        step_mm = 1e-3 * float(np.ptp(mesh.bounds_mm, axis=0).max())
         centre = corners[looked].mean(axis=1)
         steps = step_mm * np.eye(3)
         points = [centre, *(centre + step for step in steps), *(centre - step for step in steps)]
@@ -145,19 +140,18 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Alongside | None:
             at_points = [np.asarray(field.values(p), dtype=np.float64) for p in points]
         if any(v.shape != (len(centre),) or not np.isfinite(v).all() for v in at_points):
             return None
-        gradient = np.stack(at_points[1:4], axis=1) - np.stack(at_points[4:], axis=1)
-        gradient /= 2.0 * step_mm
-        slope = np.linalg.norm(gradient, axis=1)
-        cosine = np.zeros(len(looked))
-        along = np.einsum("ij,ij->i", normal[looked], gradient)
-        np.divide(along, area[looked] * slope, out=cosine, where=slope > 1e-9 / step_mm)
-        kept = np.abs(cosine) >= _ALONGSIDE
-        found, slope, cosine, centre = looked[kept], slope[kept], cosine[kept], centre[kept]
-        rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
-        value = at_points[0][kept]
-        low, high = value + rise.min(axis=1), value + rise.max(axis=1)
-        weight = area[found] * (area.sum() / area[looked].sum())
-    return _Alongside(low, high, weight, slope, cosine < 0.0)
+        value, ahead, behind = at_points[0], at_points[1:4], at_points[4:]
+        gradient = (np.stack(ahead, axis=1) - np.stack(behind, axis=1)) / (2.0 * step_mm)
+    slope = np.linalg.norm(gradient, axis=1)
+    cosine = np.zeros(len(looked))
+    along = np.einsum("ij,ij->i", normal[looked], gradient)
+    np.divide(along, area[looked] * slope, out=cosine, where=slope > 1e-9 / step_mm)
+    kept = np.abs(cosine) >= _ALONGSIDE
+    found, centre, value = looked[kept], centre[kept], value[kept]
+    rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
+    low, high = value + rise.min(axis=1), value + rise.max(axis=1)
+    weight = area[found] * (area.sum() / area[looked].sum())
+    return _Alongside(low, high, weight, slope[kept], cosine[kept] < 0.0)
 
 
 def snapped_bands(
