@@ -275,37 +275,24 @@ def _members(runs: IntArray, bits: _Bits) -> IntArray:
     (n, 3) int32, -1 where a run has none in the set.
     """
     found = np.full((len(runs), 3), -1, np.int32)
-    _find_members(runs, bits, found)
+    _find_members(runs, bits, np.empty(64 * bits.shape[2], np.int32), found)
     return found
 
 
 @kernel
-def _find_members(runs: IntArray, bits: _Bits, found: IntArray) -> None:
+def _find_members(runs: IntArray, bits: _Bits, held: IntArray, found: IntArray) -> None:
     for r in range(len(runs)):
-        row, column = runs[r, 0], runs[r, 1] + _ROOM
-        n = 0
-        for wanted in (0, 1):
-            # count first, then stop at the middle one
-            middle, n = n // 2, 0
-            for w in range(runs[r, 2] >> 6, ((runs[r, 3] - 1) >> 6) + 1):
-                word = bits[row, column, 1 + w]
-                voxel = max(w << 6, runs[r, 2])
-                word >>= np.uint64(voxel & 63)
-                while word != 0 and voxel < runs[r, 3]:
-                    if word & np.uint64(1) == 1:
-                        if wanted == 0:
-                            if n == 0:
-                                found[r, 0] = voxel
-                            found[r, 2] = voxel
-                        elif n == middle:
-                            found[r, 1] = voxel
-                        n += 1
-                    word >>= np.uint64(1)
-                    voxel += 1
-                if wanted == 1 and found[r, 1] >= 0:
-                    break
-            if n == 0:
-                break
+        row, column, n = runs[r, 0], runs[r, 1] + _ROOM, 0
+        for w in range(runs[r, 2] >> 6, ((runs[r, 3] - 1) >> 6) + 1):
+            word = bits[row, column, 1 + w]
+            if word == 0:
+                continue
+            for voxel in range(max(w << 6, runs[r, 2]), min((w + 1) << 6, runs[r, 3])):
+                if word >> np.uint64(voxel & 63) & np.uint64(1) == 1:
+                    held[n] = voxel
+                    n += 1
+        if n > 0:
+            found[r, 0], found[r, 1], found[r, 2] = held[0], held[n // 2], held[n - 1]
 
 
 def _components(runs: IntArray) -> IntArray:
@@ -482,8 +469,6 @@ def _thin_runs(
     place = core.copy()
     grow(place, ~opened & region, raster.reach)
     runs = _runs_of(place, first - low, last - low)
-    if not len(runs):
-        return np.empty((0, 9), np.int32)
     beside = ~place & region
     grow(beside, region, 2)
     touching = _members(runs, place & beside)[:, 0] >= 0
@@ -510,8 +495,6 @@ def _deepest(runs: IntArray, region: _Bits, core: _Bits, radius: int) -> tuple[I
 
 def _gather(runs: IntArray, shortest: int) -> list[_Place]:
     # columns of runs: row, column, start, stop, touching, depth, voxel, first and last of core
-    if not len(runs):
-        return []
     number = _components(np.ascontiguousarray(runs[:, :4]))
     order = np.argsort(number, kind="stable")
     places = []
