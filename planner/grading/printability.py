@@ -215,12 +215,9 @@ _REACH_MM = 0.01  # for the field's slope
 
 def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check], list[str]]:
     """Hold interfaces against the level sets that they stand for; also return what to know."""
-    distance_mm, share = _interface_distances_mm(part)
-
-    def kept_mm(of_area: float) -> float:
-        return float(distance_mm[min(int(np.searchsorted(share, of_area)), len(share) - 1)])
-
-    error_mm, limit_mm, cautions = kept_mm(_KEPT), part.within_mm, []
+    distance_mm, area_mm2 = _interface_distances_mm(part)
+    error_mm, limit_mm = _quantile(distance_mm, _KEPT, area_mm2), part.within_mm
+    cautions = []
     if math.isinf(limit_mm) and (lost := _lost_at_the_surface(part)):
         message = (
             f"cells of {part.pitch_mm:g} mm hold nothing of {', '.join(lost)}, which is at the "
@@ -228,8 +225,7 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
         )
         findings.append(Finding(kind="pitch", message=message, size_mm=part.pitch_mm))
     if error_mm > WITHIN_MM:
-        nearer = np.searchsorted(distance_mm, WITHIN_MM, side="right")
-        near = float(share[nearer - 1]) if nearer else 0.0
+        near = float(area_mm2[distance_mm <= WITHIN_MM].sum() / area_mm2.sum())
         why = "they are cut off at creases of the field, or it bends more than triangles can follow"
         if math.isinf(limit_mm):
             why = "without --pitch they are divided where the field bends"
@@ -240,7 +236,7 @@ def _interfaces(part: CutPart, findings: list[Finding]) -> tuple[dict[str, Check
         )
     if error_mm > limit_mm or math.isinf(limit_mm):
         # Creases of a field are cut off within a pitch, however small: the rule of a stated one.
-        error_mm, limit_mm = kept_mm(_KEPT_AT_A_PITCH), part.pitch_mm / 2
+        error_mm, limit_mm = _quantile(distance_mm, _KEPT_AT_A_PITCH, area_mm2), part.pitch_mm / 2
     ok = error_mm <= limit_mm
     if not ok:
         message = (
@@ -261,10 +257,10 @@ def _lost_at_the_surface(part: CutPart) -> list[str]:
 
 
 def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
-    """Measure how far interfaces lie from their level sets, and what share of the area is nearer.
+    """Measure how far interfaces lie from their level sets, and the area that each stands for.
 
     At the centres and corners of up to 5000 triangles, by the field's slope along their normals;
-    a pitch at most. Rising.
+    a pitch at most.
     """
     pieces, field = part.pieces, part.field
     count = len(pieces.cap_faces)
@@ -280,9 +276,12 @@ def _interface_distances_mm(part: CutPart) -> tuple[FloatArray, FloatArray]:
     off, rise = off.max(axis=0), np.abs(sides).max(axis=0)  # of a crease, the side that is steep
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(off > 0.0, _REACH_MM * off / rise, 0.0)
-    order = np.argsort(distance, kind="stable")
-    area = np.cumsum(length[order])
-    return np.minimum(distance[order], part.pitch_mm), area / area[-1]
+    return np.minimum(distance, part.pitch_mm), length
+
+
+def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
+    """Return the value that so large a share of the weights is not above."""
+    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
 def _some_caps(
@@ -327,10 +326,7 @@ class BandThickness:
 
     def kept_mm(self, share: float) -> float:
         """Return the thickness that all but a share of the area keeps."""
-        order = np.argsort(self.thickness_mm, kind="stable")
-        area = np.cumsum(self.area_mm2[order])
-        at = min(int(np.searchsorted(area, share * area[-1])), len(order) - 1)
-        return float(self.thickness_mm[order[at]])
+        return _quantile(self.thickness_mm, share, self.area_mm2)
 
 
 def _band_thicknesses(part: CutPart) -> Iterator[BandThickness]:

@@ -288,7 +288,7 @@ def test_a_plan_says_what_its_files_show(tmp_path, text, field, slope, pitch_mm)
 
 
 def test_none_within_20_um_is_told_as_0_per_cent(monkeypatch: pytest.MonkeyPatch) -> None:
-    far = np.array([0.4, 0.52]), np.array([0.6, 1.0])
+    far = np.array([0.4, 0.52]), np.array([0.6, 0.4])
     monkeypatch.setattr(printability, "_interface_distances_mm", lambda part: far)
     monkeypatch.setattr(printability, "_lost_at_the_surface", lambda part: [])
     part = SimpleNamespace(within_mm=np.inf, pitch_mm=4.0)
