@@ -91,19 +91,14 @@ class Profile:
             of = f"profile {self.name}: {name}"
             given = np.asarray(getattr(self, name), dtype=object).ravel()
             object.__setattr__(self, name, tuple(as_number(v, of) for v in given))
-        rising = all(a <= b for a, b in itertools.pairwise(self.positions))
-        jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
         if self.shape not in SHAPES:
             fault = f"shape is {self.shape!r}; it must be one of {', '.join(SHAPES)}"
-        elif len(self.positions) != len(self.moduli_MPa) or len(self.positions) < 2:
-            fault = "it needs two or more positions, and a modulus for each"
-        elif self.positions[0] != 0.0 or self.positions[-1] != 1.0 or not rising or jumps:
-            fault = "positions must rise from 0 to 1; one may stand twice, for a jump"
-        elif not all(_LEAST_MPa <= modulus <= _MOST_MPa for modulus in self.moduli_MPa):
-            fault = f"moduli must lie between {_LEAST_MPa:g} and {_MOST_MPa:g} MPa"
-        else:
-            return
-        raise ArgumentError(f"profile {self.name}: {fault}")
+            raise ArgumentError(f"profile {self.name}: {fault}")
+        if len(self.positions) != len(self.moduli_MPa):
+            raise ArgumentError(f"profile {self.name}: it needs a modulus for each position")
+        for knot, fault in _faults(self.positions, self.moduli_MPa):
+            where = f"knot {knot}: " if knot else ""
+            raise ArgumentError(f"profile {self.name}: {where}{fault}")
 
     def modulus_MPa(self, u: FloatArray | float) -> FloatArray:
         """Return the target at field values `u`; at a jump, the value after it."""
@@ -178,6 +173,20 @@ class Profile:
         return {"name": self.name, "shape": self.shape, **knots}
 
 
+def _faults(positions: Sequence[float], moduli_MPa: Sequence[float]) -> Iterator[tuple[int, str]]:
+    """Yield the knots, counted from 1, that break the rules of a `Profile`; 0 means all."""
+    for k, (position, modulus) in enumerate(zip(positions, moduli_MPa, strict=True)):
+        if not 0.0 <= position <= 1.0 or (k and position < positions[k - 1]):
+            yield k + 1, f"position is {position:g}; positions rise from 0 to 1"
+        if k > 1 and position == positions[k - 2]:
+            yield k + 1, f"position {position:g} stands three times; a jump is two rows"
+        if not _LEAST_MPa <= modulus <= _MOST_MPa:
+            limits = f"it must be above 0, {_LEAST_MPa:g} to {_MOST_MPa:g}"
+            yield k + 1, f"modulus_MPa is {modulus:g}; {limits}"
+    if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
+        yield 0, "it needs rows from position 0 to position 1"
+
+
 def read_moduli(
     path: str | Path, moduli_MPa: Mapping[str, float], resolve: Callable[[str], str]
 ) -> Profile:
@@ -213,20 +222,8 @@ def read_moduli(
     for where, name in zip(places, file.texts.get("material", ()), strict=False):
         with refused(FileError, where, "{}", UnknownNameError):
             asked.append(moduli_MPa[resolve(name)])
-    for k, (where, position, modulus) in enumerate(zip(places, positions, asked, strict=True)):
-        if not 0.0 <= position <= 1.0 or (k and position < positions[k - 1]):
-            raise FileError(f"{where}: position is {position:g}; positions rise from 0 to 1")
-        if k > 1 and position == positions[k - 2]:
-            raise FileError(
-                f"{where}: position {position:g} stands three times; a jump is two rows"
-            )
-        if not _LEAST_MPa <= modulus <= _MOST_MPa:
-            raise FileError(
-                f"{where}: modulus_MPa is {modulus:g}; it must be above 0, "
-                f"{_LEAST_MPa:g} to {_MOST_MPa:g}"
-            )
-    if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
-        raise FileError(f"{path.name}: it needs rows from position 0 to position 1")
+    for knot, fault in _faults(positions, asked):
+        raise FileError(f"{[path.name, *places][knot]}: {fault}")
     return Profile(path.name, tuple(positions), tuple(asked), "log")
 
 

@@ -156,6 +156,20 @@ def test_a_profile_is_whole_or_refused(positions, moduli, shape) -> None:
         planner.Profile("mine", positions, moduli, shape)
 
 
+@pytest.mark.parametrize(
+    ("positions", "moduli", "told"),
+    [
+        ((0, 1), (1, 1e300), "knot 2: modulus_MPa is 1e[+]300"),
+        ((0, 0.7, 0.6, 1), (1, 2, 3, 4), "knot 3: position is 0.6; positions rise"),
+        ((0, 0.5, 0.5, 0.5, 1), (1, 2, 3, 4, 5), "knot 4: position 0.5 stands three times"),
+        ((0, 0.9), (1, 2), "mine: it needs rows from position 0 to position 1"),
+    ],
+)
+def test_a_profile_that_is_refused_names_the_knot(positions, moduli, told) -> None:
+    with pytest.raises(ArgumentError, match=told):
+        planner.Profile("mine", positions, moduli, "log")
+
+
 def test_values_can_be_sent_to_other_processes(samples: Path) -> None:
     """Fits and campaigns held views of mappings, and with them palettes and plans of a fit."""
     plan = planner.grade(MESH, **ENDS)
