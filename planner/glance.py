@@ -104,8 +104,10 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {first}{'' if count == 1 else 's'}{rest and ' ' + rest}"
 
 
-def format_number(value: float, digits: int = 3) -> str:
+def format_number(value: float | None, digits: int = 3) -> str:
     """Write a figure with `digits` significant digits, without exponent where it reads well."""
+    if value is None:
+        return "-"
     if value == 0.0:
         return "0"
     if 1e-4 <= abs(value) < 1e6:

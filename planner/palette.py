@@ -216,7 +216,7 @@ class Material:
     id: str
     coordinate: float
     elongation_at_break: float
-    density_g_cm3: float
+    density_g_cm3: float | None
     law: LawParameters
     aliases: tuple[str, ...] = ()
     colour: str = _GREY
@@ -349,8 +349,8 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     id: str
     coordinate: float
     elongation_at_break: float
-    density_g_cm3: float
     law: dict[str, Any]
+    density_g_cm3: float | None = None
     aliases: list[str] = []
     colour: str = ""
     source: str = ""
@@ -504,7 +504,7 @@ def _faults(entry: _MaterialFile) -> Iterator[str]:
         ("elongation_at_break", entry.elongation_at_break, _LONGEST, "a strain: 170 % are 1.7"),
         ("density_g_cm3", entry.density_g_cm3, DENSEST_G_CM3, "in g/cm3: 1140 kg/m3 are 1.14"),
     ):
-        if not 0.0 < value < most:
+        if value is not None and not 0.0 < value < most:
             yield f"{key} is {value}; it must be above 0 and below {most:g}, {such}"
     for log_sd in (entry.modulus_log_sd, *(r.modulus_log_sd for r in entry.reading)):
         if not 0.0 <= log_sd < _UNSUREST:

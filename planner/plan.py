@@ -3,7 +3,7 @@
 import dataclasses
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -34,6 +34,7 @@ __all__ = [
     "read_plan",
     "read_shell",
     "read_shells",
+    "total_mass_g",
 ]
 
 
@@ -41,6 +42,7 @@ _BESIDE = ("shells", "notes", "coupons", "file")
 """What a plan just made holds and plan.json does not."""
 
 _ALWAYS = ("field", "profile", "start", "end", "bands")
+_NULL = frozenset({"mass_g"})  # what is unknown and yet there; all else is left out
 _CALLED = {"start": "from", "end": "to"}
 """What plan.json tells of every gradient, null too, and what it calls otherwise."""
 
@@ -159,6 +161,8 @@ class Region:
         Achieved modulus, and the interval that holds it with 95 % probability.
     error
         Achieved over highest target - 1, and achieved over lowest target - 1.
+    mass_g
+        None where the palette tells no density.
     file, sha256, triangles
         The STL that holds it; regions of one material share a file.
     material, blend
@@ -174,7 +178,7 @@ class Region:
     modulus_interval_MPa: _Pair
     error: _Pair
     volume_mm3: float
-    mass_g: float
+    mass_g: float | None
     bounds_mm: _Box
     file: str
     sha256: str
@@ -366,17 +370,14 @@ class Plan:
         """
         if not self.shells:
             raise OutputError(f"plan of {self.part.file}: read back; HOWTO.md is in its folder")
-        grams: dict[str, float] = {}
-        for region in self.regions:
-            grams[region.file] = grams.get(region.file, 0.0) + region.mass_g
         rows = [
             f"| `{Path(shell.file).name}` | {as_words(shell.operator_name)} | "
-            f"{grams.get(shell.file, 0.0):#.3g} | {shell.colour} |"
+            f"{_grams(r for r in self.regions if r.file == shell.file)} | {shell.colour} |"
             for shell in self.shells
         ]
         mixed = any(shell.constituents for shell in self.shells)
         head = ["## Which material to which file", "", "| file | material | grams | colour |"]
-        total = [f"| all | | {sum(grams.values()):#.3g} | |", *(_MIXTURES if mixed else ()), ""]
+        total = [f"| all | | {_grams(self.regions)} | |", *(_MIXTURES if mixed else ()), ""]
         notes = [self.notes.rstrip(), "", *head, "| --- | --- | --- | --- |"]
         return "\n".join([*notes, *rows, *total])
 
@@ -472,6 +473,18 @@ class Plan:
                 (scratch / name).parent.mkdir(exist_ok=True)
                 (scratch / name).write_bytes(data)
         return target
+
+
+def total_mass_g(regions: Iterable[Region]) -> float | None:
+    """Return what regions weigh in all; None where that of one is unknown."""
+    masses = [region.mass_g for region in regions]
+    known = [mass for mass in masses if mass is not None]
+    return sum(known) if len(known) == len(masses) else None
+
+
+def _grams(regions: Iterable[Region]) -> str:
+    mass = total_mass_g(regions)
+    return "-" if mass is None else f"{mass:#.3g}"
 
 
 def plan_file(plan: str | Path | Plan) -> Path:
@@ -656,5 +669,6 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: _without_none(v) for k, v in value.items() if v is not None}
+        told = {k: v for k, v in value.items() if v is not None or k in _NULL}
+        return {k: _without_none(v) for k, v in told.items()}
     return [_without_none(v) for v in value] if isinstance(value, (list, tuple)) else value

@@ -86,7 +86,8 @@ def _print_ladder(scale: "planner.StiffnessScale") -> None:
         stiffness = [format_number(modulus), format_interval(interval)]
         past = " (past it)" if scale.broken(material) else ""
         breaks = f"{100 * material.elongation_at_break:.0f} %{past}"
-        others = [f"{material.density_g_cm3:.3f}", ", ".join(material.aliases)]
+        density = material.density_g_cm3
+        others = ["-" if density is None else f"{density:.3f}", ", ".join(material.aliases)]
         rows.append([material.id, f"{material.coordinate:.3f}", *stiffness, breaks, *others])
     cli.print_table(
         ["material", ">m", ">modulus MPa", "95 % interval", ">break", ">g/cm3", "also called"],

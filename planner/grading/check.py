@@ -196,11 +196,14 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
     densities, profile = dict[str, float](), profile_of(plan.gradient.profile)
     for region in plan.regions:
         where = f"plan.json: region {region.index}"
-        density = 1000.0 * region.mass_g / (region.volume_mm3 or math.nan)
+        mass = math.nan if region.mass_g is None else region.mass_g
+        density = 1000.0 * mass / (region.volume_mm3 or math.nan)
         usual = densities.setdefault(region.printed, density)
-        if not (0.0 < density < DENSEST_G_CM3 and math.isclose(density, usual, rel_tol=1e-6)):
+        if region.mass_g is not None and not (
+            0.0 < density < DENSEST_G_CM3 and math.isclose(density, usual, rel_tol=1e-6)
+        ):
             yield (
-                f"{where}: its mass, {region.mass_g:.4g} g, is not that of "
+                f"{where}: its mass, {mass:.4g} g, is not that of "
                 f"{region.volume_mm3:.4g} mm3 of {region.printed}"
             )
         low, high = region.modulus_interval_MPa

@@ -63,7 +63,7 @@ class Printed:
     coordinate: float
     modulus_MPa: float
     interval_MPa: tuple[float, float]
-    density_g_cm3: float
+    density_g_cm3: float | None
     colour: str
     operator_name: str
     constituents: tuple[Constituent, ...] = ()
@@ -99,17 +99,21 @@ def _mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Pri
     pair = scale.palette.materials[int(lower)], scale.palette.materials[int(upper)]
     coordinate = pair[0].coordinate + share * (pair[1].coordinate - pair[0].coordinate)
     low, high = scale.model.modulus_interval_MPa(coordinate, scale.at_strain)
+    shares = round(1.0 - share, 3), share
     parts = tuple(
         Constituent(material.id, material.colour, part)
-        for material, part in zip(pair, (round(1.0 - share, 3), share), strict=True)
+        for material, part in zip(pair, shares, strict=True)
     )
+    known = [
+        m.density_g_cm3 * part for m, part in zip(pair, shares, strict=True) if m.density_g_cm3
+    ]
     return Printed(
         name=composite_name(parts),
         material=None,
         coordinate=coordinate,
         modulus_MPa=float(scale.model.modulus_MPa(coordinate, scale.at_strain)),
         interval_MPa=(float(low), float(high)),
-        density_g_cm3=sum(m.density_g_cm3 * p.share for m, p in zip(pair, parts, strict=True)),
+        density_g_cm3=sum(known) if len(known) == len(pair) else None,
         colour=mixed_colour(parts),
         operator_name=" + ".join(
             f"{100 * part.share:.1f} % {machine.operator_name(part.name)}" for part in parts
@@ -208,7 +212,7 @@ def region_of(
         modulus_interval_MPa=what.interval_MPa,
         error=(what.modulus_MPa / high - 1.0, what.modulus_MPa / low - 1.0),
         volume_mm3=volume_mm3,
-        mass_g=volume_mm3 * what.density_g_cm3 / 1000.0,
+        mass_g=what.density_g_cm3 and volume_mm3 * what.density_g_cm3 / 1000.0,
         bounds_mm=(as_point(bounds_mm[0]), as_point(bounds_mm[1])),
         file=shell.file,
         sha256=shell.sha256,

@@ -96,8 +96,9 @@ def _abaqus(material: Material, _: int) -> Iterator[str]:
         yield _listed(_at_rest_MPa(material), POISSON)
         rows = _flow(material).tolist()
         yield from ("*PLASTIC", *(_listed(*row) for row in rows)) if rows else ()
-    yield "*DENSITY"
-    yield _listed(1e-9 * material.density_g_cm3)
+    if material.density_g_cm3 is not None:
+        yield "*DENSITY"
+        yield _listed(1e-9 * material.density_g_cm3)
 
 
 def _ansys(material: Material, number: int) -> Iterator[str]:
@@ -116,7 +117,8 @@ def _ansys(material: Material, number: int) -> Iterator[str]:
         raise _no_block(material, "Ansys")
     for k in range(0, len(values), 6):
         yield f"TBDATA,{k + 1},{_listed(*values[k : k + 6]).replace(' ', '')}"
-    yield f"MP,DENS,{number},{1e-9 * material.density_g_cm3:.9g}"
+    if material.density_g_cm3 is not None:
+        yield f"MP,DENS,{number},{1e-9 * material.density_g_cm3:.9g}"
 
 
 def _febio(material: Material, number: int) -> Iterator[str]:
@@ -125,7 +127,8 @@ def _febio(material: Material, number: int) -> Iterator[str]:
         raise _no_block(material, "FEBio")
     kind = "Ogden" if terms is not None else "neo-Hookean"
     yield f'<material id="{number}" name="{material.id}" type="{kind}">'
-    yield f"  <density>{1e-9 * material.density_g_cm3:.9g}</density>"
+    if material.density_g_cm3 is not None:
+        yield f"  <density>{1e-9 * material.density_g_cm3:.9g}</density>"
     if terms is None:
         yield f"  <E>{_at_rest_MPa(material):.9g}</E>"
         yield f"  <v>{POISSON:g}</v>"

@@ -505,7 +505,7 @@ class _Law(NamedTuple):
 def _law(made: ExportedMaterial, model: CoefficientModel, to: str, to_strain: float) -> _Law:
     """Return a material with its law: its curve, or what CalculiX has that is nearest."""
     end = float(np.interp(made.coordinate, model.coordinates, model.breaks))
-    densities = [material.density_g_cm3 for material in model.palette.materials]
+    densities = np.array([m.density_g_cm3 for m in model.palette.materials], dtype=np.float64)
     density = float(np.interp(made.coordinate, model.coordinates, densities))
     # Closer at rest, where the curve bends most.
     strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 2

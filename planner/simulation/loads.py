@@ -355,14 +355,14 @@ def couple(weight: FloatArray, place_mm: FloatArray, moment: FloatArray) -> Floa
 
 
 def palette_densities(palette: Palette, cases: Sequence[LoadCase]) -> tuple[FloatArray, FloatArray]:
-    """Return the coordinates of a palette's materials and their densities, g/cm³.
+    """Return the coordinates of a palette's materials and their densities, g/cm³; unknown is NaN.
 
     Raises
     ------
     ArgumentError
         A case has gravity, and a density is not known.
     """
-    densities = np.array([material.density_g_cm3 for material in palette.materials])
+    densities = np.array([m.density_g_cm3 for m in palette.materials], dtype=np.float64)
     if not np.isfinite(densities).all() and any(case.gravity is not None for case in cases):
         raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
     return np.array([material.coordinate for material in palette.materials]), densities

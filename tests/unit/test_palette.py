@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.errors import PaletteError, UnknownNameError
+from planner.errors import ArgumentError, PaletteError, UnknownNameError
 from planner.materials.mixtures import CoefficientModel
-from planner.palette import LawParameters, Palette, load_palette, parse_palette
+from planner.palette import LawParameters, Palette, encode_palette, load_palette, parse_palette
 from planner.printers import load_printer
 
 SOUND = """
@@ -237,3 +237,33 @@ def test_what_is_no_palette_is_not_written(tmp_path: Path) -> None:
     assert load_palette(tmp_path / "lab.toml") == fitted.palette.known_by(
         load_palette(tmp_path / "lab.toml").sha256
     )
+
+
+def test_without_a_density_masses_are_unknown(samples: Path, tmp_path: Path) -> None:
+    text = SOUND.replace("density_g_cm3 = 1.2\n", "")
+    (tmp_path / "two.toml").write_text(text)
+    palette = parse(text)
+    assert [m.density_g_cm3 for m in palette.materials] == [1.1, None]
+    assert b"density_g_cm3 = 1.1\n" in encode_palette(palette)
+    assert encode_palette(palette).count(b"density") == 1
+    for blend in (None, "mix"):
+        plan = planner.grade(
+            samples / "dogbone.stl", from_="Soft-1", to="Stiff", axis="x", blend=blend,
+            palette=tmp_path / "two.toml",
+        )  # fmt: skip
+        masses = {region.printed: region.mass_g for region in plan.regions}
+        assert {name for name, mass in masses.items() if mass is not None} == {"Soft-1"}
+        assert "\n| all | | - | |" in plan.howto()
+        plan.write(tmp_path / "out", force=True)
+        document = json.loads((tmp_path / "out/plan.json").read_text())
+        unknown = [region["mass_g"] is None for region in document["regions"]]
+        assert unknown == [region.mass_g is None for region in plan.regions]
+        assert planner.check(tmp_path / "out").problems == ()
+    with pytest.raises(ArgumentError, match="tells no density"):
+        planner.export(
+            tmp_path / "out", to="calculix", palette=tmp_path / "two.toml", cell_mm=4.0,
+            fix=["x=min"], gravity="-z",
+        )  # fmt: skip
+    stiff = palette.materials[1]
+    for program in ("abaqus", "ansys", "febio"):
+        assert "dens" not in planner.law_block(stiff, program).lower()
