@@ -5,6 +5,7 @@ import math
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, check_known, did_you_mean
 from planner.formats.files import toml_beside
@@ -15,6 +16,7 @@ __all__ = [
     "UnitOf",
     "canonical_unit",
     "quantities_of",
+    "slips",
     "unit_factor",
     "unit_near",
 ]
@@ -200,6 +202,16 @@ class UnitOf:
 
 # ------------------------------------------------------------------------------------------------
 # As a factor hints: that between two units.
+
+
+def slips(table: str) -> dict[float, Any]:
+    """Return what is mixed up, in words, by the factor that it leaves; a table of units.toml."""
+    known = {unit: f for units in QUANTITY_UNITS.values() for unit, f in units.items()}
+    found = dict[float, Any]()
+    for text, words in _UNITS["slips"][table].items():
+        product = math.prod(known[unit] for unit in text.removeprefix("1/").split("*"))
+        found[1.0 / product if text.startswith("1/") else product] = words
+    return found
 
 
 _OWN = 0.03

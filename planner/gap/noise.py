@@ -25,7 +25,6 @@ __all__ = [
     "USUAL",
     "Calibration",
     "NoisyFeatures",
-    "Scatter",
     "SpecimenNoise",
     "calibration_columns",
     "calibrations_of",

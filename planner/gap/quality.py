@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from planner.formats.specimens import SPECIMEN_COLUMNS, SpecimenColumn
-from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, slips, unit_near
 from planner.gap.campaign import Campaign, Specimen, axis_columns, replicate_groups
 from planner.gap.diagnosis import FoundEffect, QualityProblem
 from planner.gap.localise import specimen_patterns
@@ -171,13 +171,8 @@ def _times(count: int, what: str) -> str:
 # The declared rate against travel and time.
 
 
-_MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
-_RATE_SLIPS = {
-    _MINUTE: "mm/s and mm/min, or s and min, were mixed up",
-    _INCH: "mm and inches were mixed up in travel or rate",
-    _INCH * _MINUTE: "mm/s and in/min were mixed up",
-    1.0 / QUANTITY_UNITS["time"]["ms"]: "s and ms were mixed up",
-}
+_INCH = QUANTITY_UNITS["length"]["in"]
+_RATE_SLIPS = slips("rates")
 """Factors that mixing up two units leaves. Physical: by the units' definitions."""
 
 
@@ -452,20 +447,8 @@ def _judged(loads: _Loads, groups: _Groups) -> Iterator[tuple[float, int, float,
 # Forces and lengths off by the factor between two units, in all specimens or in some.
 
 
-_FORCES_N = QUANTITY_UNITS["force"]
-
-_FORCE_SLIPS = {
-    _FORCES_N["lbf"]: ("N taken for lbf", "lbf taken for N"),
-    _FORCES_N["kgf"]: ("N taken for kgf", "kgf taken for N"),
-    1 / _FORCES_N["gf"]: ("gf taken for N", "N taken for gf"),
-    _FORCES_N["kN"]: ("mN taken for N, or N for kN", "kN taken for N, or N for mN"),
-}
-_SLIPS = _FORCE_SLIPS | {
-    1 / QUANTITY_UNITS["stress"]["psi"]: ("psi taken for MPa", "MPa taken for psi"),
-    _INCH: ("a size in inches taken for mm", "a size or travel in mm taken for inches"),
-    _INCH**2: ("width and thickness in inches taken for mm",
-               "width and thickness in mm taken for inches"),
-}  # fmt: skip
+_FORCE_SLIPS = slips("forces")
+_SLIPS = _FORCE_SLIPS | slips("loads")
 """Factors that mixing up two units leaves, and what it is where loads are high and where they are
 low; those that another unit of force mends. Physical: by the units' definitions."""
 

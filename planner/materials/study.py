@@ -23,7 +23,7 @@ from planner.errors import (
 from planner.formats.files import path_within
 from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
 from planner.formats.tensile import MODES, NoRecordError, TensileTable, mode_of, read_tensile
-from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf
+from planner.formats.units import QUANTITIES, UnitOf, slips
 from planner.materials import characterise
 from planner.materials.characterise import Curve
 from planner.numerics import FloatArray
@@ -85,20 +85,7 @@ _EVEN = 0.05
 _JITTER_SHARE = 0.02
 """Noise of an optically measured strain, as a share of its range."""
 
-_PSI_MPA, _POUND_N = QUANTITY_UNITS["stress"]["psi"], QUANTITY_UNITS["force"]["lbf"]
-_INCH_MM = QUANTITY_UNITS["length"]["in"]
-_SLIPS = (
-    (100.0, "per cent given as fractions: write the unit '%'"),
-    (0.01, "fractions marked as '%': correct the unit"),
-    (1 / _PSI_MPA, "psi given as MPa: write the unit 'psi'"),
-    (_PSI_MPA, "MPa marked as psi: correct the unit"),
-    (1000.0, "kPa given as MPa, or N as kN: correct the unit"),
-    (0.001, "MPa marked as kPa, or N as kN: correct the unit"),
-    (_INCH_MM, "a length in mm marked as inches, or the reverse: correct the unit"),
-    (1 / _INCH_MM, "a length in inches marked as mm, or the reverse: correct the unit"),
-    (_POUND_N, "a load in N marked as lbf, or the reverse: correct the unit"),
-    (1 / _POUND_N, "a load in lbf marked as N, or the reverse: correct the unit"),
-)
+_SLIPS = slips("columns")
 
 
 def _check_plausible(
@@ -410,7 +397,7 @@ class _Test:
             if not 0.75 < ratio < 4.0 / 3.0:
                 # Of strain the two may differ: by where it is measured.
                 size = "correct the size, or leave one out by --columns" * ("strain" not in what)
-                advice = next((a for of, a in _SLIPS if abs(ratio / of - 1.0) < 0.1), size)
+                advice = next((a for of, a in _SLIPS.items() if abs(ratio / of - 1.0) < 0.1), size)
                 if advice:
                     raise FileError(f"{said} against {derived:.4g}; {advice}")
                 self.notes.append(Caution(f"{said} to {derived:.4g}; check sizes, units"))
