@@ -234,10 +234,8 @@ def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     total = np.pad(np.nan_to_num(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
     coarse = _solve_laplace(any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan))
     _spread_values(coarse, any_inside, 1)
-    from scipy import ndimage
-
-    where = np.clip((np.argwhere(inside) - 0.5) / 2.0, 0.0, np.subtract(shape, 1.0))
-    return np.asarray(ndimage.map_coordinates(coarse, where.T, order=1, mode="nearest"))
+    twice = Grid((0.0, 0.0, 0.0), (2.0, 2.0, 2.0), coarse.shape)
+    return over_cells(twice, coarse)(np.argwhere(inside).astype(np.float64) + 0.5)
 
 
 @kernel

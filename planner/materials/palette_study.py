@@ -628,11 +628,8 @@ def _by_material(
     if not isinstance(given := given or {}, Mapping):
         raise ArgumentError(f"{column} {given!r}: give figures by material, as {{'FLX9760': 1.1}}")
     for material in given:
-        if material not in materials:
-            raise ArgumentError(
-                f"{column} of {material!r}: the tests have no such material, but "
-                f"{', '.join(materials)}"
-            )
+        said = f"{column} of {material!r}: {{}}the tests have no such material, but"
+        check_known(material, materials, said)
     found: dict[str, float] = {}
     for row in _rows(study):
         if not (cell := row.covariates.get(column, "")):

@@ -703,8 +703,7 @@ def read_study(
         taken = f"taken as a fraction, up to {' .. '.join(f'{v:.4g}' for v in ends)}"
         said = f"strain of {listed(unstated, 2)} has no unit; {taken}"
         notes.append(Caution(f"{said}; if it is not, give --unit-of strain=%"))
-    order = {name: k for k, name in enumerate(rows)}
-    curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
+    curves = [found[name] for name in rows or found if name in found]
     if not curves:
         raise FileError("no curve to characterise: " + "; ".join(notes))
     notes.extend(_copies(curves))
