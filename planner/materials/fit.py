@@ -1613,6 +1613,8 @@ def fit_material(
                 f"material {material}: stress falls by up to {100 * fall:.0f} % behind the yield; "
                 "the law must rise, and runs through the middle"
             )
+        unlike = "left out, as a law that yields is fitted to tension alone"
+        notes.extend(Caution(f"specimen {curve.specimen}: {unlike}") for curve in others)
         return replace(_plastic(found, curves, weighting, level), notes=tuple(notes))
     loaded = tuple(loading(curves))
     # A law's strains count from where its specimens begin to bear, not from the tangent's zero.

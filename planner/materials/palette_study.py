@@ -757,7 +757,8 @@ _STRAINS = np.linspace(0.1, 1.0, 19)
 def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...]]]:
     """Return a study's tests at one temperature, and those of the same materials at others.
 
-    The one is that of most specimens. A material that was not tested there keeps what it has.
+    The one is that of most specimens. A material that was not tested there keeps what it has. In
+    other modes those go that are at another temperature than the material's in tension.
     """
     told = _temperatures(study)
     every = itertools.chain.from_iterable(study.groups.values())
@@ -767,13 +768,27 @@ def _at_one_temperature(study: Study) -> tuple[Study, dict[str, tuple[Curve, ...
         key=lambda t: (sum(abs(v - t) <= SAME_K for v in used), -abs(t - _USUAL_C)),
         default=_USUAL_C,
     )
+
+    def far_from(at: float, curves: Sequence[Curve]) -> tuple[Curve, ...]:
+        return tuple(c for c in curves if abs(told.get(c.specimen, at) - at) > SAME_K)
+
     groups, others = dict(study.groups), {}
+    modes, notes = dict(study.other_modes), list(study.notes)
     for material, curves in study.groups.items():
-        far = tuple(c for c in curves if abs(told.get(c.specimen, own) - own) > SAME_K)
+        far = far_from(own, curves)
         if 0 < len(far) < len(curves):
             groups[material] = tuple(c for c in curves if c not in far)
             others[material] = far
-    return replace(study, groups=groups), others
+        # Nothing is far from nan, of which tension tells no temperature.
+        at = next((told[c.specimen] for c in groups[material] if c.specimen in told), np.nan)
+        loaded, unlike = modes.get(material, ()), f"where tension of {material} was at {at:g}"
+        far = far_from(at, loaded)
+        modes[material] = tuple(c for c in loaded if c not in far)
+        for name in (c.specimen for c in far):
+            notes.append(
+                Caution(f"specimen {name}: tested at {told[name]:g} degC, {unlike}; left out")
+            )
+    return replace(study, groups=groups, other_modes=modes, notes=tuple(notes)), others
 
 
 def _temperatures(study: Study) -> dict[str, float]:

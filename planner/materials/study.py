@@ -698,7 +698,7 @@ def read_study(
     missing = (row for row in rows.values() if not (row.specimen in told or _left_out(row)))
     notes += [absent(f"specimen {row.specimen}: no curve among the files") for row in missing]
     if unstated := [name for name, one in used.items() if _states_no_strain_unit(one.table)]:
-        largest = [float(found[name].strain[-1]) for name in unstated]
+        largest = [abs(float(found[name].strain[-1])) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         taken = f"taken as a fraction, up to {' .. '.join(f'{v:.4g}' for v in ends)}"
         said = f"strain of {listed(unstated, 2)} has no unit; {taken}"

@@ -6,7 +6,7 @@ import pytest
 from benchmarks import loadings
 from planner.materials.characterise import Curve
 from planner.materials.fit import by_mode, fit_law, fit_material, sample_of
-from planner.materials.laws import candidate_laws
+from planner.materials.laws import Yielding, candidate_laws
 
 TRUE = ((1.3, 5.0, -2.0), (0.63, 0.0012, -0.01))
 STRETCH = {"uniaxial": (0.6, 3.0), "planar": (1.0, 2.5), "equibiaxial": (1.0, 2.0)}
@@ -50,6 +50,22 @@ def test_each_loading_weighs_the_same_and_is_told() -> None:
     assert "equibiaxial weighs 0.333" in said
     assert fitted.choice.chosen is not None
     assert fitted.choice.chosen.fit.name == "ogden-3"
+
+
+def test_what_a_plastic_is_not_fitted_to_is_told() -> None:
+    """Compressed specimens of a rigid material were left out without a word."""
+    strain = np.linspace(0.0, 0.1, 60)
+    stress = Yielding(1800.0, 45.0, 20.0, 2.0).nominal_stress_MPa(1.0 + strain)
+    pulled = [Curve(f"S{k}", strain, (1.0 + 0.01 * k) * stress) for k in range(3)]
+    pushed = Curve("C1", -strain, -2.0 * stress)
+    alone, both = (
+        fit_material("rigid", pulled, candidate_laws("all"), others=others)
+        for others in ([], [pushed])
+    )
+    assert both.law == alone.law
+    assert {*both.notes} - {*alone.notes} == {
+        "specimen C1: left out, as a law that yields is fitted to tension alone"
+    }
 
 
 @pytest.mark.skipif(not loadings.FOLDER.exists(), reason="the shared data is not there")

@@ -243,6 +243,8 @@ def test_a_strain_without_unit_is_said(tmp_path: Path) -> None:
         (tmp_path / f"{name}.csv").write_text("strain,stress (MPa)\n" + rows)
     notes = " ".join(read_study([tmp_path]).notes)
     assert "strain of a and b has no unit; taken as a fraction, up to 0.95; if" in notes
+    pushed = " ".join(read_study([tmp_path], mode="compression").notes)
+    assert "as a fraction, up to 0.95; if" in pushed  # it said -0.95
     text = (tmp_path / "a.csv").read_text()
     for name in ("a", "b"):
         (tmp_path / f"{name}.csv").write_text(text.replace("strain", "strain (mm/mm)"))

@@ -102,6 +102,27 @@ def test_the_laws_are_those_of_the_tests_at_one_temperature(
         assert both.fits[one.id].characteristics.n == 3
 
 
+def test_other_loadings_count_at_the_laws_temperature(tmp_path: Path) -> None:
+    """A compressed specimen of 35 degC had half the weight in the law of 25 degC."""
+    folder, strain = lab(tmp_path / "lab", (COLD_C,)), np.linspace(0.0, 0.3, 60)
+    alone = fitted(folder)
+    stress = 0.2 * (1.0 - strain - (1.0 - strain) ** -2.0)
+    (folder / "pushed.csv").write_text(
+        "strain (-),stress (MPa)\n"
+        + "\n".join(f"{-e:.6f},{s:.8f}" for e, s in zip(strain, stress, strict=True))
+    )
+    listed = folder / "specimens.csv"
+    head, *rows = listed.read_text().splitlines()
+    rows = [f"{row},tension" for row in rows]
+    for temperature_C, weighs in ((WARM_C, False), (COLD_C, True)):
+        pushed = f"pushed,pushed.csv,soft,0.0,{temperature_C},1.14,compression"
+        listed.write_text("\n".join([f"{head},mode", *rows, pushed]))
+        both = fitted(folder)
+        assert (both.fits["soft"].law != alone.fits["soft"].law) is weighs
+        said = "specimen pushed: tested at 35 degC, where tension of soft was at 25; left out"
+        assert (said in both.notes) is not weighs
+
+
 def test_what_is_left_out_has_no_say_in_the_temperature(tmp_path: Path) -> None:
     """Others' 25 degC made a specimen of no known temperature the only one of the soft grade."""
     folder = lab(tmp_path / "lab", (COLD_C,))
