@@ -147,7 +147,7 @@ def _nearest(
 ) -> None:  # fmt: skip
     # closest[0]: nearest point of the triangle last looked at; closest[1]: of all.
     first_leaf = box.shape[0] // 2
-    last = 0
+    last: Any = np.int64(0)  # of one type, or `_to_triangle` is compiled twice
     for p in range(points.shape[0]):
         for d in range(3):
             at[d] = points[p, d]
