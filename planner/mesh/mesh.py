@@ -142,34 +142,37 @@ def measure(
     first = np.unique(part, return_index=True)[1] if parts > 1 else np.arange(min(len(part), 1))
     origin[part[first]] = points[faces[first, 0]]
     faces = np.require(faces, np.int32, ["C", "W"])
-    flat = _measure(points, faces, part, origin, volume, area, bounds)
+    flat = _measure(points, faces, part, origin, volume, area, bounds, np.empty((3, 3)))
     return Measures(volume / 6.0, area / 2.0, bounds, int(flat))
 
 
 @kernel
 def _measure(
-    vertices: Any, faces: Any, part: Any, origin: Any, volume: Any, area: Any, bounds: Any
+    vertices: Any, faces: Any, part: Any, origin: Any, volume: Any, area: Any, bounds: Any, at: Any
 ) -> Any:
     flat = 0
-    for i in range(faces.shape[0]):
-        p, i0, i1, i2 = part[i], faces[i, 0], faces[i, 1], faces[i, 2]
+    for i in range(part.size):
+        p = part[i]
         for j in range(3):
             for k in range(3):
                 x = vertices[faces[i, j], k]
+                at[j, k] = x - origin[p, k]
                 if x < bounds[p, 0, k] or x != x:  # NaN, which then stays
                     bounds[p, 0, k] = x
                 if x > bounds[p, 1, k] or x != x:
                     bounds[p, 1, k] = x
-        ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
-        ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
-        bx, by, bz = vertices[i1, 0] - ox, vertices[i1, 1] - oy, vertices[i1, 2] - oz
-        cx, cy, cz = vertices[i2, 0] - ox, vertices[i2, 1] - oy, vertices[i2, 2] - oz
-        ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        volume[p] += ax * nx + ay * ny + az * nz
-        area[p] += np.sqrt(nx * nx + ny * ny + nz * nz)
-        if nx == 0.0 and ny == 0.0 and nz == 0.0:
-            flat += 1
+        along, squared, is_flat = 0.0, 0.0, True
+        for k in range(3):
+            y, z = (k + 1) % 3, (k + 2) % 3
+            uy, uz = at[1, y] - at[0, y], at[1, z] - at[0, z]
+            vy, vz = at[2, y] - at[0, y], at[2, z] - at[0, z]
+            normal = uy * vz - uz * vy
+            along += at[0, k] * normal
+            squared += normal * normal
+            is_flat &= normal == 0.0
+        volume[p] += along
+        area[p] += np.sqrt(squared)
+        flat += is_flat
     return flat
 
 
@@ -227,12 +230,16 @@ def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
     n, fetched = 0, 0
     for begin in range(0, rows.shape[0], _AHEAD):
         end = begin + _AHEAD if begin + _AHEAD < rows.shape[0] else rows.shape[0]
-        if n > 0:
-            for i in range(begin, end):
-                held = table[_row_hash(rows, i) >> shift]
-                fetched ^= distinct[held - 1 if held > 0 else 0, 0]
         for i in range(begin, end):
-            slot = np.int64(_row_hash(rows, i) >> shift)
+            mixed = np.uint64(0)  # a product hash, whose top bits are the best
+            for k in range(rows.shape[1]):
+                mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(32)
+            index[i] = (mixed * np.uint64(0xD6E8FEB86659FD93)) >> shift
+            held = table[index[i]]
+            fetched ^= distinct[held - 1 if held > 0 else 0, 0]
+        for i in range(begin, end):
+            slot = index[i]
             while table[slot] > 0:
                 same = True
                 for k in range(rows.shape[1]):
@@ -247,16 +254,6 @@ def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
                 table[slot] = n
             index[i] = table[slot] - 1
     return n, fetched
-
-
-@inner_kernel
-def _row_hash(rows: Any, i: Any) -> Any:
-    """Return a product hash of a row of uint32; its top bits are the best."""
-    mixed = np.uint64(0)
-    for k in range(rows.shape[1]):
-        mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
-    mixed ^= mixed >> np.uint64(32)
-    return mixed * np.uint64(0xD6E8FEB86659FD93)
 
 
 @inner_kernel
