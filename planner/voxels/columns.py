@@ -137,9 +137,11 @@ def deal_rows(
     """
     nx, ny, _ = shape
     rows = max(1, _SLAB_LINES // nx) if rows is None else rows
-    low, high = np.empty((2, len(faces)), np.int16)  # sorting whole ones takes a few passes
-    _cover(snapped, faces, nx, ny, low, high)
-    rising = np.flatnonzero(low < high).astype(np.int32)
+    # By the pixel and the row at or beyond each vertex; sorting whole rows takes a few passes.
+    beyond = np.clip(-(-snapped[:, :2] >> _SHIFT), 0, (nx, ny)).astype(np.int16)
+    x, y = (along.take(faces.T) for along in beyond.T)
+    low, high = y.min(axis=0), y.max(axis=0)
+    rising = np.flatnonzero((low < high) & (x.min(axis=0) < x.max(axis=0))).astype(np.int32)
     slabs = range(0, ny, min(rows, ny))
     of_slab = low[rising] // slabs.step
     ends = np.cumsum(np.bincount(of_slab, minlength=len(slabs)))
@@ -153,25 +155,6 @@ def deal_rows(
         yield Slab(shape, first, last, snapped, own_faces, spans)
 
 
-@kernel
-def _cover(
-    snapped: IntArray, faces: IntArray, nx: int, ny: int, low: IntArray, high: IntArray
-) -> None:
-    # Rows low <= row < high that each face covers; 0, 0 where it covers no column. The least of
-    # two is compiled for others anyhow, that of three is not.
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
-        ay, by, cy = snapped[a, 1], snapped[b, 1], snapped[c, 1]
-        first = max(_ceil_voxel(min(ay, min(by, cy))), 0)
-        last = min(_ceil_voxel(max(ay, max(by, cy))), ny)
-        left = max(_ceil_voxel(min(ax, min(bx, cx))), 0)
-        right = min(_ceil_voxel(max(ax, max(bx, cx))), nx)
-        low[f], high[f] = 0, 0
-        if first < last and left < right and (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):
-            low[f], high[f] = first, last
-
-
 @inner_kernel
 def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_leads: Any) -> Any:
     # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division,
@@ -181,7 +164,7 @@ def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_l
     numerator = x0 * (y1 - y0) + (x1 - x0) * (y - y0)
     if row_leads and x1 > x0:
         numerator += 1
-    pixel = int(numerator * per_row) + 1
+    pixel = np.int64(numerator * per_row) + 1
     beyond = pixel * denominator - numerator
     while beyond < 0:
         pixel, beyond = pixel + 1, beyond + denominator
@@ -202,22 +185,25 @@ def _spans(
     n = 0
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        normal = face_normal(snapped, a, b, c)
-        level = normal[0] == 0 and normal[1] == 0
-        exit_sign = 1 if normal[2] > 0 else 0  # the normal points up: the line leaves the body
         # vertices by rising y, so that both triangles at an edge divide the same numbers
+        turned = False
         if snapped[b, 1] < snapped[a, 1]:
-            a, b = b, a
+            a, b, turned = b, a, not turned
         if snapped[c, 1] < snapped[b, 1]:
-            b, c = c, b
+            b, c, turned = c, b, not turned
         if snapped[b, 1] < snapped[a, 1]:
-            a, b = b, a
+            a, b, turned = b, a, not turned
         ax, ay, az = snapped[a, 0], snapped[a, 1], snapped[a, 2]
         bx, by, bz = snapped[b, 0], snapped[b, 1], snapped[b, 2]
         cx, cy, cz = snapped[c, 0], snapped[c, 1], snapped[c, 2]
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area == 0:  # it is steep
+            continue
         per_area = 1.0 / area
-        rise = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) * per_area * _LATTICE
+        along_y = (bz - az) * (cy - ay) - (cz - az) * (by - ay)
+        level = along_y == 0 and (bz - az) * (cx - ax) == (cz - az) * (bx - ax)
+        exit_sign = (area > 0) != turned  # the normal points up: the line leaves the body
+        rise = along_y * per_area * _LATTICE
         long_edge = 1.0 / ((cy - ay) << _SHIFT)
         lower = 1.0 / (max(by - ay, 1) << _SHIFT)
         upper = 1.0 / (max(cy - by, 1) << _SHIFT)
@@ -334,11 +320,11 @@ def _runs(
                     high = low + shortest
                 low, high = max(low, 0), min(high, nz)
                 if low < high:
-                    if runs > offsets[c] and low <= stop[runs - 1]:
-                        stop[runs - 1] = max(high, stop[runs - 1])
-                    else:
+                    if runs == offsets[c] or low > stop[runs - 1]:
                         start[runs], stop[runs] = low, high
                         runs += 1
+                    elif high > stop[runs - 1]:
+                        stop[runs - 1] = high
         if winding != 0:
             unpaired += 1
         offsets[c + 1] = runs
