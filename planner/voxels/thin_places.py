@@ -132,9 +132,20 @@ def _morph(
 ) -> None:  # fmt: skip
     rows, columns, words = region.shape
     held, reach = eroded.shape[0], eroded.shape[1] - 1
+    one, top = np.uint64(1), np.uint64(63)
     for row in range(-reach, rows):
-        if row + reach < rows:
-            _erode_along(source[row + reach], flip, eroded[(row + reach) % held])
+        ahead, own = row + reach, (row + reach) % held
+        if ahead < rows:
+            for w in range(source.shape[1]):
+                eroded[own, 0, w] = source[ahead, w] ^ flip
+            # A word's neighbours are those of its column: at either end a column is empty.
+            for step in range(1, reach + 1):
+                eroded[own, step, 0] = eroded[own, step, -1] = flip
+                for w in range(1, source.shape[1] - 1):
+                    here = eroded[own, step - 1, w]
+                    up = (here << one) | (eroded[own, step - 1, w - 1] >> top)
+                    down = (here >> one) | (eroded[own, step - 1, w + 1] << top)
+                    eroded[own, step, w] = here & up & down
         if row < 0:
             continue
         count, beyond = 0, False
@@ -159,73 +170,56 @@ def _morph(
                 out[row, column, word] = here ^ flip
 
 
-@inner_kernel
-def _erode_along(row: Any, flip: Any, eroded: Any) -> None:
-    # A word's neighbours are those of its column: at either end a column is empty.
-    one, top = np.uint64(1), np.uint64(63)
-    for w in range(row.size):
-        eroded[0, w] = row[w] ^ flip
-    for step in range(1, eroded.shape[0]):
-        before = eroded[step - 1]
-        after = eroded[step]
-        after[0] = after[-1] = flip
-        for w in range(1, row.size - 1):
-            up = (before[w] << one) | (before[w - 1] >> top)
-            down = (before[w] >> one) | (before[w + 1] << top)
-            after[w] = before[w] & up & down
-
-
 def grow(grown: _Bits, within: _Bits, steps: int) -> int:
     """Grow a set in place within another, step by step; return how many words are not filled.
 
     Steps take in the 6 neighbours across faces and the 18 across faces and edges by turns,
     beginning with the 6: an octagonal ball whose radius is true to 13 %.
     """
-    # Room for all words; what is not used takes no memory.
-    place, value = np.empty((within.size, 3), np.int32), np.empty(within.size, np.uint64)
-    return int(_grow(grown, within, steps, place, value))
+    columns, words = grown.shape[1:]
+    place = np.flatnonzero(within & ~grown)
+    value = np.empty(len(place), np.uint64)
+    return int(_grow(grown.ravel(), within.ravel(), columns * words, words, steps, place, value))
 
 
 @kernel
-def _grow(grown: Any, within: Any, steps: Any, place: Any, value: Any) -> Any:
+def _grow(
+    grown: Any, within: Any, row: Any, column: Any, steps: Any, place: Any, value: Any
+) -> Any:
+    # A set's words one after the other, with so many to the next row and column.
     one, top = np.uint64(1), np.uint64(63)
-    last, todo = grown.shape[0] - 1, 0
-    for row in range(last + 1):
-        for c in range(_ROOM, grown.shape[1] - _ROOM):
-            for w in range(1, grown.shape[2] - 1):
-                if within[row, c, w] & ~grown[row, c, w] != 0:
-                    place[todo, 0], place[todo, 1], place[todo, 2] = row, c, w
-                    todo += 1
+    todo = place.size
     for step in range(steps):
         for i in range(todo):
-            row, c, w = place[i, 0], place[i, 1], place[i, 2]
-            above, below = max(row - 1, 0), min(row + 1, last)
+            at = place[i]
+            above = at - row if at >= row else at
+            below = at + row if at + row < grown.size else at
             new = np.uint64(0)
-            for v in range(w - 1, w + 2):
-                along = grown[row, c, v]
-                cross = grown[above, c, v] | grown[below, c, v]
-                cross |= grown[row, c - 1, v] | grown[row, c + 1, v]
-                if v == w:
+            for v in range(-1, 2):
+                along = grown[at + v]
+                cross = grown[above + v] | grown[below + v]
+                cross |= grown[at - column + v] | grown[at + column + v]
+                if v == 0:
                     new |= cross
                 if step % 2 == 1:
                     along |= cross
-                    if v == w:
-                        new |= grown[above, c - 1, v] | grown[above, c + 1, v]
-                        new |= grown[below, c - 1, v] | grown[below, c + 1, v]
-                if v < w:
+                    if v == 0:
+                        new |= grown[above - column] | grown[above + column]
+                        new |= grown[below - column] | grown[below + column]
+                if v < 0:
                     new |= along >> top
-                elif v > w:
+                elif v > 0:
                     new |= along << top
                 else:
                     new |= along | (along << one) | (along >> one)
-            value[i] = new & within[row, c, w]
+            value[i] = new & within[at]
         left, changed = 0, False
         for i in range(todo):
-            row, c, w = place[i, 0], place[i, 1], place[i, 2]
-            changed |= grown[row, c, w] != value[i]
-            grown[row, c, w] = value[i]
-            if value[i] != within[row, c, w]:
-                place[left, 0], place[left, 1], place[left, 2] = row, c, w
+            at = place[i]
+            changed |= grown[at] != value[i]
+            grown[at] = value[i]
+            if value[i] != within[at]:
+                place[left] = at
                 left += 1
         todo = left
         if not changed and step % 2 == 1:
@@ -616,21 +610,22 @@ def _sheets(
             if side[e] > longest:
                 longest, j = side[e], e
         a, b, c = faces[m, j], faces[m, (j + 1) % 3], faces[m, (j + 2) % 3]
-        strips = 1
+        strips: Any = 1
         if longest > _CELL * _CELL:
             along = 0.5 * (longest + side[(j + 2) % 3] - side[(j + 1) % 3])
             height = np.sqrt(max(side[(j + 2) % 3] - along * along / longest, 0.0))
-            strips = max(int(np.ceil(height / _CELL)), 1)
+            strips = max(np.int64(np.ceil(height / _CELL)), 1)
         for i in range(strips):
             up = (i + 0.5) / strips
-            cells = max(int(np.ceil(np.sqrt(longest) * (1.0 - i / strips) / _CELL)), 1)
+            cells: Any = max(np.int64(np.ceil(np.sqrt(longest) * (1.0 - i / strips) / _CELL)), 1)
             y = (1.0 - up) * corners[a, 1] + up * corners[c, 1] - first_row
             slope = (1.0 - up) * (corners[b, 1] - corners[a, 1])
-            first, last = 0, cells
+            first: Any = 0
+            last = cells
             if abs(slope) > 1e-6:
                 low, high = (-3.0 - y) / slope, (rows + 3.0 - y) / slope
-                first = max(int(np.floor(min(low, high) * cells)) - 1, 0)
-                last = min(int(np.ceil(max(low, high) * cells)) + 1, cells)
+                first = max(np.int64(np.floor(min(low, high) * cells)) - 1, 0)
+                last = min(np.int64(np.ceil(max(low, high) * cells)) + 1, cells)
             for k in range(first, last):
                 for p in range(-1, _POINTS * _POINTS):  # the middle, and if nothing is near, all
                     over, rise = k + 0.5, i + 0.5
@@ -641,7 +636,8 @@ def _sheets(
                     for d in range(3):  # so far along ab, and then towards c
                         foot = corners[a, d] + over * (corners[b, d] - corners[a, d])
                         at[d] = np.floor(foot + rise * (corners[c, d] - foot))
-                    row, column, voxel = int(at[1]) - first_row, int(at[0]), int(at[2])
+                    row = np.int64(at[1]) - first_row
+                    column, voxel = np.int64(at[0]), np.int64(at[2])
                     beyond = not (0 <= column < columns and 0 <= voxel < voxels)
                     if p < 0:
                         if beyond or not -2 <= row < rows + 2:
