@@ -177,7 +177,7 @@ def _deflate_rows(
             zeros += (edge - at) * size
             high = (high + (edge - at) * size * low) % _ADLER
             for channel in range(size):
-                value = (int(pixel[now, channel]) - int(pixel[before, channel])) & 255
+                value = (np.int64(pixel[now, channel]) - pixel[before, channel]) & 255
                 if value == 0:
                     zeros += 1
                 else:

@@ -791,7 +791,7 @@ _LONGEST_FIGURE = len(str(2**63))
 @kernel
 def _write_rows(rows: Any, signs: Any, whole: Any, text: Any) -> Any:
     """Write the elements; return how long they are."""
-    at = least = np.int64(0)  # literals of Python would be types of their own for _put_whole
+    at = none = np.int64(0)  # literals of Python would be types of their own for _put_number
     for i in range(len(rows)):
         column = 0
         for sign in signs:
@@ -800,7 +800,7 @@ def _write_rows(rows: Any, signs: Any, whole: Any, text: Any) -> Any:
                 at += 1
                 continue
             if whole:
-                at = _put_whole(text, at, np.int64(rows[i, column]), least)
+                at = _put_number(text, at, np.int64(rows[i, column]), none)
             else:
                 at = _put_float(text, at, np.float32(rows[i, column]))
             column += 1
@@ -808,17 +808,21 @@ def _write_rows(rows: Any, signs: Any, whole: Any, text: Any) -> Any:
 
 
 @inner_kernel
-def _put_whole(text: Any, at: Any, number: Any, least: Any) -> Any:
-    """Write a number that is not negative, with zeros in front up to a least length."""
-    length: Any = 1
+def _put_number(text: Any, at: Any, number: Any, decimals: Any) -> Any:
+    """Write a number that is not negative, with a point before its last digits, the decimals."""
+    digits: Any = 1
     rest = number // 10
-    while rest > 0:
-        length, rest = length + 1, rest // 10
-    length = max(length, least)
-    for i in range(at + length - 1, at - 1, -1):
-        text[i] = 48 + number % 10
-        number //= 10
-    return at + length
+    while rest > 0 or digits <= decimals:
+        digits, rest = digits + 1, rest // 10
+    point = at + digits - decimals
+    end = at + digits + (1 if decimals > 0 else 0)
+    for i in range(end - 1, at - 1, -1):
+        if i == point:
+            text[i] = 46
+        else:
+            text[i] = 48 + number % 10
+            number //= 10
+    return end
 
 
 _TENS = 10.0 ** np.arange(15)  # exact
@@ -827,7 +831,6 @@ _TENS = 10.0 ** np.arange(15)  # exact
 @inner_kernel
 def _put_float(text: Any, at: Any, value: Any) -> Any:
     """Write the fewest digits from which float32 is read back, with an exponent if far from 1."""
-    least = np.int64(1)
     if value == 0.0:
         text[at] = 48
         return at + 1
@@ -852,18 +855,14 @@ def _put_float(text: Any, at: Any, value: Any) -> Any:
             break
     while decimals > 0 and digits % 10 == 0:
         digits, decimals = digits // 10, decimals - 1
-    scale = np.int64(_TENS[decimals])
-    at = _put_whole(text, at, digits // scale, least)
-    if decimals > 0:
-        text[at] = 46
-        at = _put_whole(text, at + 1, digits % scale, decimals)
+    at = _put_number(text, at, digits, decimals)
     if exponent != 0:
         text[at] = 101
         at += 1
         if exponent < 0:
             text[at] = 45
             at += 1
-        at = _put_whole(text, at, abs(exponent), least)
+        at = _put_number(text, at, abs(exponent), np.int64(0))
     return at
 
 
