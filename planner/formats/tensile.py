@@ -38,9 +38,9 @@ def _folded(text: str) -> str:
 
 
 _TERMS = toml_beside("terms.toml")
-_MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
+_MEANING, _COLUMN_SYMBOLS, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
     {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
-    for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
+    for table in ("columns", "column_symbols", "sizes", "symbols", "texts", "speeds", "modes")
 )
 MODES = tuple(_TERMS["modes"])
 """The ways of loading that are told apart."""
@@ -164,7 +164,8 @@ def heading_of(text: str) -> Heading:
         name, brackets = f"{word} {name}", [b for b in brackets if b != word]
     if any(_SIGNS[k].search(_folded(b)) for b in brackets for k in ("bent", "otherwise", "figure")):
         return Heading(text, "", None)
-    if (found := _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)) is None:
+    found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
+    if (found := found or _symbol(name, brackets)) is None:
         return Heading(text, "", None)
     meaning, unit, tag = found
     unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
@@ -205,6 +206,16 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
         inner = _parse(numbered[1])
         if inner is not None and not inner[2]:
             return inner[0], inner[1], numbered["tag"] or numbered["number"]
+    return None
+
+
+def _symbol(name: str, brackets: Sequence[str]) -> tuple[str, str, str] | None:
+    """Return meaning, unit and tag of a symbol with a unit of its quantity: "F (N)", "t / s"."""
+    with_units = [(name, unit) for unit in brackets] + [*_apart(name, _SUFFIXED, _SPACED, _JOINED)]
+    for stem, unit in with_units:
+        meaning = _COLUMN_SYMBOLS.get(_folded(stem), "")
+        if not quantities_of(unit).isdisjoint(_COLUMNS.get(meaning, ())):
+            return meaning, unit, ""
     return None
 
 
@@ -949,8 +960,12 @@ def _same(one: Heading, other: Heading) -> bool:
 
 
 def _marked(grid: _Grid, block: _Block) -> str:
-    """Return the specimen that is named above a block and below the one before, or ""."""
-    found = ""
+    """Return the specimen that is named above a block and below the one before, or "".
+
+    A number ahead of the headings, above an empty column, is its: "1,Time,Displacement,Force".
+    """
+    first = grid.cell(block.head, 0)
+    found = first if first.isdigit() and not any(block.cells(0)) else ""
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if len(filled) > 1 and _head_text(filled[0]) == "specimen":
@@ -1402,6 +1417,8 @@ def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     if symbols and text == "material" and (listed := _materials_below(grid, row, at)):
         yield _Said(grid, row, key, text, listed)
     elif text and right and _head_text(right[0]) is None and size_of(right[0])[0] is None:
+        if text == "mode" and mode_of(right[0]) is None:
+            return  # "Test type: QA" and "Direction: MD" are other matters
         yield _Said(grid, row, key, text, (("", right[0]),))
     size, unit, count = size_of(key, symbols=symbols)
     if size is None:
@@ -1507,12 +1524,13 @@ def _metadata(
     What stands in the record's block goes before what stands above all, and that before what
     other sheets say.
     """
-    first = min(p.block.head for p in pieces if p.grid is piece.grid)
+    heads = [p.block.head for p in pieces if p.grid is piece.grid]
     scopes: dict[tuple[int, str], list[_Said]] = {}
     for one in said:
         within = piece.block.start <= one.row <= piece.block.rows[-1]
         scope = 2 if one.grid is not piece.grid else 0 if within else 1
-        of_another = scope == 1 and one.row >= first and len(one.values) < 2
+        behind = scope == 1 and one.row >= min(heads)
+        of_another = behind and len(heads) > 1 and len(one.values) < 2
         if nth in labels[one.grid] and not of_another:
             scopes.setdefault((scope, one.name), []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
@@ -1526,8 +1544,6 @@ def _metadata(
         found.pop("height_mm", None)  # a section's
     if ranked := [found.pop(size) for size in _LENGTH_RANKS if size in found]:
         found["gauge_mm"] = ranked[0]
-    if mode is None:
-        found.pop("mode", None)  # "Test type: QA" is another matter
     values = {size: value for size, (value, _) in found.items() if value is not None}
     sources = {size: at for size, (_, at) in found.items() if size in values}
     return values, sources, {size: at for size, (_, at) in found.items() if size not in values}

@@ -1120,3 +1120,65 @@ def test_a_line_that_names_the_specimen_by_its_word_again(tmp_path: Path, name: 
     found = read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]
     check(found, 2)
     assert [record.specimen for record in found.records] == [name.format(n) for n in (1, 2)]
+
+
+def test_what_stands_behind_a_record_says_how_it_was_loaded(tmp_path: Path) -> None:
+    """A direction below the rows, where some programs write it, was not read: it was pulled."""
+    head = "Time (sec), Load (N), Strain, , Position (mm), Count"
+    foot = ["", "Date:, 11/13/25", "Specimen ID#:, 1", "Direction:, COMPRESSION", "Status:, PASS"]
+    rows = MADE.lines(1, "{t}, {f}, N/A, , {d}, 1")
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows, *foot]), encoding="utf-8")
+    study = read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]  # sizes alone
+    assert [record.mode for record in study.records] == ["compression"]
+    assert not study.groups
+
+
+@pytest.mark.parametrize("head", ["Test Direction,MD", "Test type,QA"])
+def test_a_direction_in_the_sheet_hides_no_mode(tmp_path: Path, head: str) -> None:
+    """The first of two lines that may tell the mode counted, though it told none."""
+    lines = [head, "Test mode,Compression", "Time (s),Load (N),Extension (mm)"]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([*lines, *MADE.lines(1, "{t},{f},{d}")]), encoding="utf-8")
+    (table,) = read_tensile(path)
+    assert table.metadata == {"mode": "Compression"}
+
+
+def test_numbers_ahead_of_the_headings_name_specimens(tmp_path: Path) -> None:
+    """Of several in one file the second was refused: "nothing names another"."""
+    lines = ["Results Table 1", "", ""]
+    for n in (1, 2):
+        rows = MADE.lines(n, '"","{t}","{d}","{f}"')
+        lines += [f"{n},Time,Displacement,Force", ",(s),(mm),(N)", *rows, ""]
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+    found = read_study([tmp_path / "a.csv"], **SIZES)  # type: ignore[arg-type]  # sizes alone
+    check(found, 2)
+    assert [record.specimen for record in found.records] == ["1", "2"]
+
+
+@pytest.mark.parametrize(
+    "head", ["t(s),F(N),Position(mm)", "t / s,Load cell (N),s / mm", "t [s],Tension [N],u [mm]"]
+)
+def test_symbols_with_their_units_are_columns(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *MADE.lines(1, "{t},{f},{d}")]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]  # sizes alone
+
+
+def test_symbols_with_other_units_are_none(tmp_path: Path) -> None:
+    """A bridge's voltage, a temperature and a place along the gauge head no column of a record."""
+    path = tmp_path / "a.csv"
+    head = "Time (s),Load (N),Extension (mm),Load cell (mV),T (°C),x (mm)"
+    rows = MADE.lines(1, "{t},{f},{d},{f},23,{d}")
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    (table,) = read_tensile(path)
+    assert {*table.columns} == {"time_s", "force_N", "displacement_mm"}
+    assert table.unused == ("Load cell (mV)", "T (°C)", "x (mm)")
+
+
+def test_an_anvil_height_is_the_length_that_is_pressed(tmp_path: Path) -> None:
+    heads = ["Specimen properties : Anvil height,6.0,mm", "Specimen properties : Diameter,5.4,mm"]
+    columns = "Time (s),Compressive load (N),Compressive extension (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([*heads, columns, *MADE.lines(1, "{t},{f},{d}")]), encoding="utf-8")
+    (table,) = read_tensile(path)
+    assert (table.metadata["gauge_mm"], table.metadata["mode"]) == (6.0, "compression")
