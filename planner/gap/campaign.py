@@ -293,7 +293,8 @@ def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
 
     Material or design, nominal size, orientation, protocol, rate, temperature, soaking and age
     count, figures within `TOLERANCES`; further columns do not. Two unknowns count as alike.
-    Gauge lengths that were measured one by one differ by some per cent and are one length.
+    Sizes that were measured one by one differ by some per cent and are one size; forces are
+    compared on each one's own section.
     """
     levels = [column_levels(name, [getattr(s, name) for s in specimens]) for name in TOLERANCES]
     made = [(s.material, _design_key(s.profile), s.part and id(s.part.response)) for s in specimens]

@@ -272,6 +272,26 @@ def test_measured_gauges_are_replicates_at_the_same_strains():
     assert len(ObservationModel(campaign(*specimens, other)).tests) == 2
 
 
+def test_measured_sections_are_replicates_at_the_same_stress():
+    """Cut or printed ones differ by some per cent: each was a condition of its own."""
+    rng = np.random.default_rng(8)
+    sections = ((6.0, 2.0), (6.3, 1.93), (5.85, 2.08))
+    whole = [specimen(f"{w}", rng=rng) for w, _ in sections]
+    drawn = whole[0].width_mm * whole[0].thickness_mm
+    specimens = [
+        replace(s, width_mm=w, thickness_mm=t, force_N=s.force_N * w * t / drawn)
+        for s, (w, t) in zip(whole, sections, strict=True)
+    ]
+    found = ObservationModel(campaign(*specimens))
+    assert found.tests == found.replicates == ((0, 1, 2),)
+    # Forces of all are of their mean section.
+    np.testing.assert_allclose(found.measured_N[1:], found.measured_N[[0, 0]], atol=6 * NOISE_N)
+    raw = found.predicted(predict(found.setup, LAWS))
+    assert np.abs(raw - found.table.measured_raw).max() < 5 * NOISE_N
+    other = replace(specimens[0], id="c", thickness_mm=4.0, force_N=2.0 * specimens[0].force_N)
+    assert len(ObservationModel(campaign(*specimens, other)).tests) == 2
+
+
 def told(column, cells):
     """Six specimens of each of two materials, and a further column."""
     made = [specimen(f"{m}{k}", material=m) for m in ("soft", "firm") for k in range(6)]
