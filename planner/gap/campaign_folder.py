@@ -631,8 +631,9 @@ class ListReader:
             if name != "area_mm2" and getattr(row, name, "") is None
             if isinstance(value, float) and value > 0.0
         }
-        row = replace(row, **told)
+        row, squared = _with_section(replace(row, **told), table)
         fields, notes = self.fields(row)
+        notes += squared
         # A part's travel counts along its load, whether that pulls or pushes.
         in_file = str(table.metadata.get("mode", ""))
         for cell in (row.mode, in_file):
@@ -669,6 +670,20 @@ class ListReader:
         except ArgumentError as error:
             raise FileError(f"part {part}: {error}") from error
         return PartTest(response, fix, move, load)
+
+
+def _with_section(row: Row, table: TensileTable) -> tuple[Row, list[str]]:
+    """Return a row with the section of a round specimen whose file tells a diameter, and a note.
+
+    An area alone tells no shape.
+    """
+    sides = (row.width_mm, row.thickness_mm, row.measured_width_mm, row.measured_thickness_mm)
+    diameter = table.metadata.get("diameter_mm")
+    if row.part or any(sides) or not isinstance(diameter, float) or diameter <= 0.0:
+        return row, []
+    side = math.sqrt(0.25 * math.pi) * diameter
+    told = f"its file tells a diameter of {diameter:g} mm, taken as a square of its section"
+    return replace(row, width_mm=side, thickness_mm=side), [told]
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, TensileTable]:

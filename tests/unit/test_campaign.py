@@ -452,6 +452,23 @@ def test_an_area_in_a_files_head_is_no_width(folder: Path) -> None:
         read_campaign(folder)
 
 
+def test_a_diameter_in_a_files_head_is_a_section(folder: Path) -> None:
+    """A disc between plates: the machine's own head tells all that there is of its section."""
+    (folder / "specimens.csv").write_text("specimen,material,file\nS1,FLX9760,disc.csv\n")
+    (folder / "curves.csv").unlink()
+    rows = "\n".join(f'"{k / 50}","{0.2 * k}","{k / 2}"' for k in range(20))
+    (folder / "disc.csv").write_text(
+        'Specimen properties : Anvil height,"8.0000",mm\n'
+        'Specimen properties : Diameter,"20.0000",mm\n\n'
+        f"Compressive extension,Compressive load,Time\n(mm),(N),(s)\n{rows}\n"
+    )
+    campaign = read_campaign(folder)
+    (disc,) = campaign.specimens
+    assert (disc.gauge_mm, disc.force_N[-1]) == (8.0, pytest.approx(-3.8))
+    assert (disc.width_mm or 0.0) * (disc.thickness_mm or 0.0) == pytest.approx(100.0 * np.pi)
+    assert any("a diameter of 20 mm, taken as a square" in note for note in campaign.limitations)
+
+
 def test_time_may_be_counted_from_the_rate(folder: Path) -> None:
     text = (folder / "curves.csv").read_text()
     lines = [",".join((c := line.split(","))[:1] + c[2:]) for line in text.splitlines()]
