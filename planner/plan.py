@@ -34,7 +34,6 @@ __all__ = [
     "read_plan",
     "read_shell",
     "read_shells",
-    "total_mass_g",
 ]
 
 
@@ -346,6 +345,11 @@ class Plan:
         checks = all(check.ok for check in self.checks.values())
         return checks and not self.findings and not self.unreachable
 
+    @property
+    def mass_g(self) -> float | None:
+        """What all regions weigh; None where the palette tells no density of one."""
+        return _total_mass_g(self.regions)
+
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
         names = [each.name for each in dataclasses.fields(self) if each.name not in _BESIDE]
@@ -475,7 +479,7 @@ class Plan:
         return target
 
 
-def total_mass_g(regions: Iterable[Region]) -> float | None:
+def _total_mass_g(regions: Iterable[Region]) -> float | None:
     """Return what regions weigh in all; None where that of one is unknown."""
     masses = [region.mass_g for region in regions]
     known = [mass for mass in masses if mass is not None]
@@ -483,7 +487,7 @@ def total_mass_g(regions: Iterable[Region]) -> float | None:
 
 
 def _grams(regions: Iterable[Region]) -> str:
-    mass = total_mass_g(regions)
+    mass = _total_mass_g(regions)
     return "-" if mass is None else f"{mass:#.3g}"
 
 

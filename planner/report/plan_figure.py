@@ -13,7 +13,7 @@ from planner.glance import format_interval, format_number, format_range
 from planner.grading.profile import profile_of
 from planner.grading.regions import error_text
 from planner.numerics import FloatArray
-from planner.plan import Plan, Region, total_mass_g
+from planner.plan import Plan, Region
 from planner.report import svg
 from planner.report.svg import BLUE, INK, PALE_BLUE, RUST, Chart
 
@@ -79,7 +79,7 @@ def plan_table(plan: Plan) -> PlanTable:
     total = {
         "material": "all",
         "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
-        "mass g": format_number(total_mass_g(plan.regions)),
+        "mass g": format_number(plan.mass_g),
     }
     strain = f"{plan.stiffness.at_strain:g}"
     title = f"{plan.part.file} on {plan.printer}: secant modulus at strain {strain}"

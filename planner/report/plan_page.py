@@ -19,7 +19,7 @@ from planner.formats.threemf import read_threemf
 from planner.glance import format_number
 from planner.grading.check import Difference, diff
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
-from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells, total_mass_g
+from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report import page, plan_figure
 from planner.report.display import ScreenGrid, Shown, colours_told_apart, shown, thinned
 from planner.report.markdown import to_html
@@ -341,7 +341,7 @@ def _header(source: _PlanSource) -> Iterator[str]:
         ("volume, mm³", format_number(volume, 5), "")
         if volume < 1e5
         else ("volume, cm³", format_number(volume / 1000.0, 5), ""),
-        ("mass, g", format_number(total_mass_g(plan.regions), 4), ""),
+        ("mass, g", format_number(plan.mass_g, 4), ""),
         ("materials", str(len(source.names)), ""),
         ("checks that hold", f"{len(plan.checks) - len(failed)} of {len(plan.checks)}",
          "bad" if failed else "good"),

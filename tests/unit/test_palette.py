@@ -254,6 +254,7 @@ def test_without_a_density_masses_are_unknown(samples: Path, tmp_path: Path) -> 
         masses = {region.printed: region.mass_g for region in plan.regions}
         assert {name for name, mass in masses.items() if mass is not None} == {"Soft-1"}
         assert "\n| all | | - | |" in plan.howto()
+        assert plan.mass_g is None
         plan.write(tmp_path / "out", force=True)
         document = json.loads((tmp_path / "out/plan.json").read_text())
         unknown = [region["mass_g"] is None for region in document["regions"]]
