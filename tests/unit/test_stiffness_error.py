@@ -179,10 +179,10 @@ def test_a_profile_may_be_rows_or_a_function() -> None:
     [
         (3, "rows of"),
         ([1, 2], "rows of"),
-        ([(0, "Tango"), (0.5, "Vero")], "from 0 to 1"),
+        ([(0, "Tango"), (0.5, "Vero")], "from position 0 to position 1"),
         ([(0, "Tango"), (1, "0.1 parsec")], "parsec"),
         (lambda u: u[:3], "for each"),
-        (lambda u: -1.0, "moduli must lie"),
+        (lambda u: -1.0, "knot 1: modulus_MPa is -1"),
         (lambda u: "stiff", "function"),
         (lambda u: None, "function"),
     ],
