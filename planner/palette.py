@@ -278,6 +278,11 @@ class Palette:
     sha256
         Of the file's bytes, so that a plan can say what it was planned with; "" of a palette that
         was made or changed since.
+
+    Raises
+    ------
+    PaletteError
+        One name for two materials, or coordinates that do not rise.
     """
 
     name: str
@@ -288,6 +293,9 @@ class Palette:
     hardness: tuple[tuple[float, float], ...] = ()
     temperature: Temperature | None = None
     sha256: str = field(default="", init=False)
+
+    def __post_init__(self) -> None:
+        _check_names_and_order(self.materials, self.name)
 
     _repr_html_ = html_of
     plot = plotted

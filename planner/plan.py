@@ -41,7 +41,6 @@ _BESIDE = ("shells", "notes", "coupons", "file")
 """What a plan just made holds and plan.json does not."""
 
 _ALWAYS = ("field", "profile", "start", "end", "bands")
-_NULL = frozenset({"mass_g"})  # what is unknown and yet there; all else is left out
 _CALLED = {"start": "from", "end": "to"}
 """What plan.json tells of every gradient, null too, and what it calls otherwise."""
 
@@ -673,6 +672,6 @@ def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
-        told = {k: v for k, v in value.items() if v is not None or k in _NULL}
-        return {k: _without_none(v) for k, v in told.items()}
+        # A mass that is unknown is there, as null.
+        return {k: _without_none(v) for k, v in value.items() if v is not None or k == "mass_g"}
     return [_without_none(v) for v in value] if isinstance(value, (list, tuple)) else value

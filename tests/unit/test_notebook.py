@@ -147,9 +147,6 @@ def test_odd_values_still_have_a_page(values: dict[str, Any]) -> None:
     assert "0 regions" in dataclasses.replace(plan, regions=())._repr_html_()
     unknown = dataclasses.replace(values["plan read back"], printer="gone")
     assert "svg" in Reader(unknown._repr_html_()).tags
-    palette = values["palette"]
-    crossing = dataclasses.replace(palette, materials=palette.materials[::-1])
-    assert "VeroWhitePlus" in Reader(crossing._repr_html_()).text
 
 
 # ------------------------------------------------------------------------------------------------

@@ -268,3 +268,12 @@ def test_without_a_density_masses_are_unknown(samples: Path, tmp_path: Path) -> 
     stiff = palette.materials[1]
     for program in ("abaqus", "ansys", "febio"):
         assert "dens" not in planner.law_block(stiff, program).lower()
+
+
+def test_a_palette_made_in_a_script_is_held_to_its_order_and_names() -> None:
+    """Two materials at one place gave a force of NaN."""
+    soft, stiff = parse(SOUND).materials
+    with pytest.raises(PaletteError, match="coordinate of Stiff is 0, not above 0 of Soft-1"):
+        Palette("own", (soft, replace(stiff, coordinate=0.0)))
+    with pytest.raises(PaletteError, match="'TANGO' names both Soft-1 and TANGO"):
+        Palette("own", (soft, replace(stiff, id="TANGO")))
