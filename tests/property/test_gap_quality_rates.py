@@ -258,7 +258,7 @@ FAULTS: Mapping[str, tuple[str, Fault]] = {
     "a batch, lbf for N": ("units", batch_unit),
     "all, lbf for N": ("units", force_unit(1 / 4.448222, every=True)),
     "all, kN for N": ("units", force_unit(1e-3, every=True)),
-    "all, travel in inches": ("units", inch_travel),
+    "all, travel in inches": ("travel", inch_travel),
     "rate off by 30 %": ("rate", one(lambda s, _: {"rate_mm_s": (s.rate_mm_s or 0) * 1.3})),
     "rate in mm/min": ("rate", one(lambda s, _: {"rate_mm_s": (s.rate_mm_s or 0) * 60})),
     "another protocol": ("protocol", one(relabelled)),
