@@ -186,13 +186,33 @@ def as_number(value: SupportsFloat, name: str, ends: Sequence[float] = ()) -> fl
     """
     try:
         number = math.nan if isinstance(value, (str, bool)) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise ArgumentError(f"{name} {value!r}: it must be a finite number")
     if ends and not ends[0] < number < ends[1]:
         raise ArgumentError(f"{name} {number:g}: it must be between {ends[0]:g} and {ends[1]:g}")
     return number
+
+
+def within(value: SupportsFloat, name: str, low: float, high: float) -> float:
+    """Return a number from `low` to `high`, the ends included.
+
+    Raises
+    ------
+    ArgumentError
+        It is none.
+    """
+    number = as_number(value, name)
+    if not low <= number <= high:
+        raise ArgumentError(f"{name} {number:g}: it must be from {low:g} to {high:g}")
+    return number
+
+
+def check_kind(value: object, kind: type | tuple[type, ...], said: str) -> None:
+    """Refuse a value of another kind, and say what to give."""
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{value!r}: give {said}")
 
 
 def as_texts(value: str | Iterable[str], name: str) -> tuple[str, ...]:

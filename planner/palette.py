@@ -9,7 +9,7 @@ import hashlib
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +17,16 @@ from typing import Annotated, Any, Literal, NoReturn
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError, check_known, did_you_mean, refused
+from planner.errors import (
+    ArgumentError,
+    PaletteError,
+    UnknownNameError,
+    as_number,
+    check_kind,
+    check_known,
+    did_you_mean,
+    refused,
+)
 from planner.formats.files import decode_toml, read_file, toml_text
 from planner.formats.outputs import check_absent, write_whole
 from planner.glance import brief, counted, html_of, one_line, plotted, shade
@@ -75,20 +84,52 @@ class LawParameters:
         A key of `LAW_PARAMETERS`.
     parameters
         Values by symbol, which stay as they are: a palette is read once and known by its hash. A
-        scalar in the file is a tuple of one.
+        single figure becomes a tuple of one.
+
+    Raises
+    ------
+    ArgumentError
+        No such model, or parameters that are not what it takes.
     """
 
     model: str
     parameters: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", _Kept(self.parameters))
+        object.__setattr__(self, "parameters", _Kept(_parameters(self.model, self.parameters)))
 
     def stiffened(self, factor: float) -> "LawParameters":
         """Return the law whose stress is `factor` times this one's: its moduli are."""
         by = {name: factor if name.endswith("_MPa") else 1.0 for name in self.parameters}
         parameters = {name: tuple(by[name] * v for v in vs) for name, vs in self.parameters.items()}
         return LawParameters(self.model, parameters)
+
+
+def _parameters(model: str, given: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    """Return a law's parameters in its own order, each a tuple of finite numbers."""
+    said = f"law: model is {model!r}; {{}}it must be one of"
+    check_known(model, LAW_PARAMETERS, said)
+    expected = LAW_PARAMETERS[model]
+    takes = f"{model} takes {', '.join(expected)}"
+    if not isinstance(given, Mapping):
+        raise ArgumentError(f"law: {given!r}: give a mapping; {takes}")
+    for key in given:
+        if key not in expected:
+            raise ArgumentError(f"law: unknown key {key!r}; {takes}")
+    parameters: dict[str, tuple[float, ...]] = {}
+    for key, length in expected.items():
+        if key not in given:
+            raise ArgumentError(f"law: {key!r} is missing; {takes}")
+        several = isinstance(given[key], Iterable) and not isinstance(given[key], str)
+        values = tuple(given[key]) if several else (given[key],)
+        parameters[key] = tuple(as_number(v, f"law: {key}") for v in values)
+        if not values or length not in (None, len(values)):
+            takes = f"{model} takes {length or 'one or more'}"
+            raise ArgumentError(f"law: {key} has {len(values)} values; {takes}")
+    lengths = {key: len(parameters[key]) for key, length in expected.items() if length is None}
+    if len(set(lengths.values())) > 1:
+        raise ArgumentError(f"law: {lengths}: these lists must be of one length")
+    return parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +252,11 @@ class Material:
         Of the law, where it was fitted to tests.
     readings
         What others say of the law, where sources differ by more than scatter.
+
+    Raises
+    ------
+    ArgumentError
+        A figure that no material has, or an id or colour that cannot be written.
     """
 
     id: str
@@ -226,6 +272,16 @@ class Material:
     published: LawParameters | None = None
     uncertainty: Uncertainty | None = None
     readings: tuple[Reading, ...] = ()
+
+    def __post_init__(self) -> None:
+        called = f"material {self.id!r}"
+        object.__setattr__(self, "aliases", tuple(self.aliases))
+        for name in ("coordinate", "elongation_at_break", "density_g_cm3", "modulus_log_sd"):
+            if name != "density_g_cm3" or self.density_g_cm3 is not None:
+                object.__setattr__(self, name, as_number(getattr(self, name), f"{called}: {name}"))
+        for fault in _faults(self):
+            raise ArgumentError(f"{called}: {fault}")
+        object.__setattr__(self, "colour", self.colour.upper())
 
     @property
     def laws(self) -> tuple[LawParameters, ...]:
@@ -281,8 +337,8 @@ class Palette:
 
     Raises
     ------
-    PaletteError
-        One name for two materials, or coordinates that do not rise.
+    ArgumentError
+        No material, one name for two, or coordinates that do not rise.
     """
 
     name: str
@@ -295,7 +351,12 @@ class Palette:
     sha256: str = field(default="", init=False)
 
     def __post_init__(self) -> None:
-        _check_names_and_order(self.materials, self.name)
+        said = "give materials, each a Material"
+        with refused(ArgumentError, "materials", said, AttributeError, TypeError):
+            object.__setattr__(self, "materials", tuple(self.materials))
+            _check_names_and_order(self.materials)
+        if not self.materials:
+            raise ArgumentError("no material; a palette needs at least one")
 
     _repr_html_ = html_of
     plot = plotted
@@ -451,45 +512,44 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
             f"palette {name}: schema is {file.schema}, this version reads schema 1; "
             "update planner or convert the file"
         )
-    if not file.material:
-        raise PaletteError(f"palette {name}: no [[material]]; a palette needs at least one")
-    materials = tuple(_material(entry, name) for entry in file.material)
-    _check_names_and_order(materials, name)
+    with refused(PaletteError, called, "{}", ArgumentError):
+        palette = Palette(
+            name=file.name,
+            materials=tuple(map(_material, file.material)),
+            reference=Reference(**msgspec.structs.asdict(file.reference)),
+            source=file.source,
+            base_resins=file.base_resins,
+            hardness=() if file.hardness is None else _hardness(file.hardness),
+            temperature=None if file.temperature is None else _temperature(file.temperature),
+        )
     if not any(entry.colour for entry in file.material):
-        last = max(len(materials) - 1, 1)
-        materials = tuple(replace(m, colour=shade(k / last)) for k, m in enumerate(materials))
-    return Palette(
-        name=file.name,
-        materials=materials,
-        reference=Reference(**msgspec.structs.asdict(file.reference)),
-        source=file.source,
-        base_resins=file.base_resins,
-        hardness=() if file.hardness is None else _hardness(file.hardness, name),
-        temperature=None if file.temperature is None else _temperature(file.temperature, name),
-    ).known_by(hashlib.sha256(data).hexdigest())
+        last = max(len(file.material) - 1, 1)
+        shaded = (replace(m, colour=shade(k / last)) for k, m in enumerate(palette.materials))
+        palette = replace(palette, materials=tuple(shaded))
+    return palette.known_by(hashlib.sha256(data).hexdigest())
 
 
-def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...]:
+def _hardness(table: _HardnessFile) -> tuple[tuple[float, float], ...]:
     pairs = tuple(zip(table.coordinate, table.shore_A, strict=False))
     rising = all(a < c and b < d for (a, b), (c, d) in itertools.pairwise(pairs))
     finite = all(math.isfinite(m) and 0.0 < shore < 100.0 for m, shore in pairs)
     if not (len(table.coordinate) == len(table.shore_A) >= 2 and rising and finite):
-        raise PaletteError(
-            f"palette {name}: hardness: coordinate and shore_A must be lists of one length, two "
-            "figures or more, both rising, and Shore A between 0 and 100"
+        raise ArgumentError(
+            "hardness: coordinate and shore_A must be lists of one length, two figures or more, "
+            "both rising, and Shore A between 0 and 100"
         )
     return pairs
 
 
-def _temperature(table: Temperature, name: str) -> Temperature:
+def _temperature(table: Temperature) -> Temperature:
     lists = msgspec.structs.astuple(table)
     rows = [*zip(*lists, strict=False)]
     finite = all(math.isfinite(v) for one in lists for v in one)
     rising = all(a < b for a, b in itertools.pairwise(table.coordinate))
     sound = all(low < high and factor > 0.0 and sd >= 0.0 for _, low, high, factor, sd in rows)
     if not (rows and {len(one) for one in lists} == {len(rows)} and finite and rising and sound):
-        raise PaletteError(
-            f"palette {name}: temperature: {', '.join(table.__struct_fields__)} must be lists of "
+        raise ArgumentError(
+            f"temperature: {', '.join(table.__struct_fields__)} must be lists of "
             "one length, coordinates rising, low_C below high_C, factors above 0, log_sd not below"
         )
     return table
@@ -502,84 +562,63 @@ _LONGEST, _UNSUREST = 50.0, 9.0
 """Above what the most stretchable gels reach, 20 to 30; and of ln(modulus), a factor of 8,000."""
 
 
-def _faults(entry: _MaterialFile) -> Iterator[str]:
+def _faults(material: Material) -> Iterator[str]:
     """Yield what types do not say of a material and is wrong with it."""
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", entry.id):
+    if not (isinstance(material.id, str) and re.fullmatch(r"[A-Za-z0-9._-]+", material.id)):
         yield "the id goes into file names; use letters, digits, '.', '-' and '_'"
-    if not math.isfinite(entry.coordinate):
-        yield f"coordinate is {entry.coordinate}; it must be finite"
+    if not all(isinstance(law, LawParameters) for law in material.laws):
+        yield "its law must be LawParameters(model, parameters) of planner.palette"
     for key, value, most, such in (
-        ("elongation_at_break", entry.elongation_at_break, _LONGEST, "a strain: 170 % are 1.7"),
-        ("density_g_cm3", entry.density_g_cm3, DENSEST_G_CM3, "in g/cm3: 1140 kg/m3 are 1.14"),
+        ("elongation_at_break", material.elongation_at_break, _LONGEST, "a strain: 170 % are 1.7"),
+        ("density_g_cm3", material.density_g_cm3, DENSEST_G_CM3, "in g/cm3: 1140 kg/m3 are 1.14"),
     ):
         if value is not None and not 0.0 < value < most:
             yield f"{key} is {value}; it must be above 0 and below {most:g}, {such}"
-    for log_sd in (entry.modulus_log_sd, *(r.modulus_log_sd for r in entry.reading)):
+    for log_sd in (material.modulus_log_sd, *(r.modulus_log_sd for r in material.readings)):
         if not 0.0 <= log_sd < _UNSUREST:
             yield f"modulus_log_sd is {log_sd}; it must be from 0 to {_UNSUREST:g}"
-    at = entry.uncertainty or Uncertainty(0)
+    at = material.uncertainty or Uncertainty(0)
     rising = all(a < b for a, b in itertools.pairwise((-1.0, *at.strain, math.inf)))
     sure = all(0.0 <= v < _UNSUREST for v in at.log_sd)
     if not (len(at.strain) == len(at.log_sd) and rising and sure):
         lists = "strain and log_sd must be lists of one length, strain rising"
         yield f"uncertainty: {lists}, log_sd from 0 to {_UNSUREST:g}"
-    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", entry.colour or _GREY):
-        yield f"colour is {entry.colour!r}; write it as '#RRGGBB'"
+    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", material.colour):
+        yield f"colour is {material.colour!r}; write it as '#RRGGBB'"
 
 
-def _material(entry: _MaterialFile, name: str) -> Material:
-    where = f"palette {name}: material {entry.id!r}"
-    for fault in _faults(entry):
-        raise PaletteError(f"{where}: {fault}")
-    stated = msgspec.structs.asdict(entry) | {"colour": (entry.colour or _GREY).upper()}
-    for key in ("law", "published"):
-        stated[key] = stated[key] if stated[key] is None else _law(stated[key], f"{where}: {key}")
+def _material(entry: _MaterialFile) -> Material:
+    where = f"material {entry.id!r}"
+    stated = msgspec.structs.asdict(entry) | {"colour": entry.colour or _GREY}
+    stated["law"] = _law(entry.law, where)
+    if entry.published is not None:
+        stated["published"] = _law(entry.published, f"{where}: published")
     stated["readings"] = tuple(
-        Reading(**msgspec.structs.asdict(r) | {"law": _law(r.law, f"{where}: reading: law")})
+        Reading(**msgspec.structs.asdict(r) | {"law": _law(r.law, f"{where}: reading")})
         for r in stated.pop("reading")
     )
-    return Material(**stated | {"aliases": tuple(entry.aliases)})
+    return Material(**stated)
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
-    model: Any = table.get("model")
-    said = f"{where}: model is {model!r}; {{}}it must be one of"
-    check_known(model, LAW_PARAMETERS, said, PaletteError)
-    expected = LAW_PARAMETERS[model]
-    takes = f"{model} takes {', '.join(expected)}"
-    for key in table:
-        if key != "model" and key not in expected:
-            raise PaletteError(f"{where}: unknown key {key!r}; {takes}")
-    parameters: dict[str, tuple[float, ...]] = {}
-    for key, length in expected.items():
-        if key not in table:
-            raise PaletteError(f"{where}: {key!r} is missing; {takes}")
-        value = table[key]
-        values = value if isinstance(value, list) else [value]
-        if not values or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
-            raise PaletteError(f"{where}: {key} is {value!r}; it must be finite numbers")
-        if length is not None and len(values) != length:
-            raise PaletteError(f"{where}: {key} has {len(values)} values; {model} takes {length}")
-        parameters[key] = tuple(float(v) for v in values)
-    lengths = {key: len(parameters[key]) for key, length in expected.items() if length is None}
-    if len(set(lengths.values())) > 1:
-        raise PaletteError(f"{where}: {lengths}: these lists must be of one length")
-    return LawParameters(model, parameters)
+    given: dict[str, Any] = dict(table)
+    with refused(ArgumentError, where, "{}", ArgumentError):
+        return LawParameters(given.pop("model", None), given)
 
 
-def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
+def _check_names_and_order(materials: tuple[Material, ...]) -> None:
     seen: dict[str, Material] = {}
     for material in materials:
         for called in (material.id, *material.aliases):
             if (other := seen.setdefault(called.casefold(), material)) is not material:
-                raise PaletteError(
-                    f"palette {name}: {called!r} names both {other.id} and {material.id}; "
-                    "ids and aliases must be unique"
+                raise ArgumentError(
+                    f"{called!r} names both {other.id} and {material.id}; ids and aliases must be "
+                    "unique"
                 )
     for softer, harder in itertools.pairwise(materials):
         if not softer.coordinate < harder.coordinate:
-            raise PaletteError(
-                f"palette {name}: coordinate of {harder.id} is {harder.coordinate:g}, not above "
+            raise ArgumentError(
+                f"coordinate of {harder.id} is {harder.coordinate:g}, not above "
                 f"{softer.coordinate:g} of {softer.id}; list materials from soft to hard with "
                 "rising coordinates"
             )
@@ -606,7 +645,7 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
     palette
         Fitted, corrected or read.
     output
-        The file.
+        The file; ``-`` prints it, as on the command line.
     force
         Replace a file that is there.
 
@@ -614,7 +653,7 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
     ------
     OutputError
         The file is there already and `force` is false, or the system refused.
-    PaletteError
+    ArgumentError
         It is no palette.
 
     Examples
@@ -622,10 +661,8 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
     >>> planner.write_palette(planner.fit(["tests"]).palette, "lab.toml")  # doctest: +SKIP
     """
     check_absent(output, force=force)
-    said = "give a Palette, which a fit or a correction has as its `palette`"
-    with refused(PaletteError, f"{palette!r}", said, AttributeError):
-        data = encode_palette(palette)
-    write_whole(output, data)
+    check_kind(palette, Palette, "a Palette, which a fit or a correction has as its `palette`")
+    write_whole(output, encode_palette(palette))
 
 
 def _lines(palette: Palette) -> Iterator[str]:

@@ -94,8 +94,8 @@ _LOCKS = find_spec("fcntl") is not None
 _Place = str | Path
 """As it was named, which messages repeat."""
 
-_SYSTEM = (OSError, RuntimeError)
-"""What it refuses by; the latter tells a loop of links."""
+_SYSTEM = (OSError, RuntimeError, TypeError)
+"""What it refuses by; the second tells a loop of links, the third what is no path."""
 
 _claims: dict[Path, bool] = {}
 """Targets of this process, and whether what is there may be replaced."""
@@ -190,10 +190,10 @@ def check_absent(path: _Place, *, force: bool) -> None:
         There is a file already, or a link to none, and `force` is false; or the path is a folder,
         a device or a pipe; or its folder is missing.
     """
-    path = Path(path)
     if is_stream(path):
         return
     with refused(OutputError, path, "{}; choose another place", *_SYSTEM):
+        path = Path(path)
         _check_link(path, "name another file", force=force)
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")

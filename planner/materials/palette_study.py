@@ -19,6 +19,7 @@ from planner.errors import (
     as_count,
     as_number,
     as_texts,
+    check_kind,
     check_known,
     listed,
 )
@@ -50,7 +51,7 @@ from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study
 from planner.materials.unit_slips import unit_slips
 from planner.numerics import FloatArray, normal_quantile
-from planner.palette import DENSEST_G_CM3, SAME_K, Material, Palette, Reference, Temperature
+from planner.palette import SAME_K, Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
 __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit", "fit_tables"]
@@ -607,12 +608,6 @@ def _densities(
     study: Study, ordered: Sequence[str], given: Mapping[str, float] | None, notes: list[str]
 ) -> dict[str, float]:
     found = _by_material(study, ordered, "density_g_cm3", given)
-    for material, value in found.items():
-        if not 0.0 < value < DENSEST_G_CM3:
-            raise ArgumentError(
-                f"material {material}: density_g_cm3 is {value:g}; it must be above 0 and below "
-                f"{DENSEST_G_CM3:g}, in g/cm3: 1140 kg/m3 are 1.14"
-            )
     if assumed := [material for material in ordered if material not in found]:
         notes.append(
             f"density of {listed(assumed, 3)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
@@ -871,6 +866,7 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
     >>> tables = planner.fit_tables(planner.fit(["samples/tensile"]))  # doctest: +SKIP
     >>> Path("laws.csv").write_bytes(tables["laws.csv"])  # doctest: +SKIP
     """
+    check_kind(study, PaletteStudy, "what `planner.fit` returns")
     materials = study.palette.materials
     found = Characterisation(tuple(study.fits[m.id].characteristics for m in materials))
     tables = {"laws.csv": _laws(study), "r2.csv": _r2(study)}

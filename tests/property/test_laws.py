@@ -158,9 +158,11 @@ def test_make_law(model: str, parameters: dict[str, tuple[float, ...]], law: Law
     assert make_law(LawParameters(model, parameters)) == law
 
 
-@pytest.mark.parametrize("model", ["gent", "ogden-thesis"])
-def test_make_law_refuses_a_law_that_is_not_planned_with(model: str) -> None:
+def test_make_law_refuses_a_law_that_is_not_planned_with() -> None:
+    published = LawParameters(
+        "ogden-thesis", {"c": (1.0,) * 6, "strain_min": 0.1, "strain_max": 0.9}
+    )
     with pytest.raises(
         ArgumentError, match=r"one of linear, yielding, neo-hookean, yeoh, ogden, martins$"
     ):
-        make_law(LawParameters(model, {}))
+        make_law(published)

@@ -11,7 +11,7 @@ from planner.grading.profile import list_materials
 from planner.materials.characterise import Curve, characterise_material
 from planner.materials.fit import ASSUMED_LOG_SD, fit_material
 from planner.materials.laws import Yielding, candidate_laws, make_law, secant_modulus_MPa
-from planner.palette import LawParameters, encode_palette, parse_palette
+from planner.palette import encode_palette, parse_palette
 from planner.simulation.bar_solver import law_tables
 from planner.simulation.simulate import simulate
 
@@ -201,8 +201,10 @@ def test_both_readings_are_said_and_can_be_chosen() -> None:
 
 
 def test_a_published_law_of_the_thesis_stays_refused() -> None:
-    with pytest.raises(ArgumentError):
-        make_law(LawParameters("ogden-thesis", {"c": (1.0,) * 6}))
+    published = planner.list_materials().palette.resolve("FLX9760").published
+    assert published is not None
+    with pytest.raises(ArgumentError, match="law 'ogden-thesis'"):
+        make_law(published)
 
 
 def test_a_palette_with_an_unsound_law_is_read_and_told() -> None:

@@ -196,13 +196,19 @@ def test_specimens_and_materials_are_left_out_as_asked(capsys) -> None:
         (["--law", "mooney"], "law 'mooney': no such law"),
         (["--weighting", "log"], "weighting 'log'"),
         (["--coordinate", "A"], "--coordinate 'A': write ID=NUMBER"),
-        (["--coordinate", "=1"], "write ID=NUMBER"),
+        (["--coordinate", "=1"], "coordinate of '': the tests have no such material"),
         (["--coordinate", "C=1"], "coordinate of 'C': the tests have no such material"),
         (["--coordinate", "A=0"], "no coordinate, though others have one"),
         (["--coordinate", "A=1", "--coordinate", "B=0"], "must rise with stiffness"),
-        (["--coordinate", "A=nan", "--coordinate", "B=0"], "write ID=NUMBER"),
-        (["--coordinate", "A=inf", "--coordinate", "B=0"], "write ID=NUMBER"),
-        (["--density", "A=nan"], "write ID=NUMBER"),
+        (
+            ["--coordinate", "A=nan", "--coordinate", "B=0"],
+            "coordinate of A nan: it must be a finite",
+        ),
+        (
+            ["--coordinate", "A=inf", "--coordinate", "B=0"],
+            "coordinate of A inf: it must be a finite",
+        ),
+        (["--density", "A=nan"], "density_g_cm3 of A nan: it must be a finite"),
         (["--density", "A=-1"], "density_g_cm3 is -1"),
         (["--starts", "0"], "starts"),
         (["--level", "1.5"], "level"),
@@ -245,7 +251,7 @@ def test_bad_files_are_refused(text: str, message: str, capsys) -> None:
 def test_one_material_with_a_coordinate_of_no_number(capsys) -> None:
     write_curve("A.csv", 0.3)
     assert run(["fit", "A.csv", "--coordinate", "A=nan"]) == 2
-    assert "write ID=NUMBER" in capsys.readouterr().err
+    assert "coordinate of A nan: it must be a finite number" in capsys.readouterr().err
     assert not Path("palette.toml").exists()
 
 

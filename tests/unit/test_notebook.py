@@ -147,6 +147,11 @@ def test_odd_values_still_have_a_page(values: dict[str, Any]) -> None:
     assert "0 regions" in dataclasses.replace(plan, regions=())._repr_html_()
     unknown = dataclasses.replace(values["plan read back"], printer="gone")
     assert "svg" in Reader(unknown._repr_html_()).tags
+    palette = values["palette"]
+    soft, hard = palette.materials[0], palette.materials[-1]
+    ends = (dataclasses.replace(soft, law=hard.law), dataclasses.replace(hard, law=soft.law))
+    crossing = dataclasses.replace(palette, materials=ends)
+    assert "VeroWhitePlus" in Reader(crossing._repr_html_()).text
 
 
 # ------------------------------------------------------------------------------------------------
@@ -197,9 +202,11 @@ def test_without_matplotlib_the_command_that_brings_it_is_said(
 def test_nothing_is_drawn_or_imported_until_someone_looks() -> None:
     code = (
         "import sys, planner\n"
-        "from planner import Plan, Palette\n"
+        "from planner import Plan, Palette, Material\n"
+        "from planner.palette import LawParameters\n"
         "assert not [n for n in sys.modules if n.startswith(('planner.report', 'matplotlib'))]\n"
-        "repr(Palette('p', ()))\n"
+        "law = LawParameters('neo-hookean', {'mu_MPa': 1.0})\n"
+        "repr(Palette('p', (Material('m', 0.0, 1.0, 1.1, law),)))\n"
         "assert not [n for n in sys.modules if n.startswith(('planner.report', 'matplotlib'))]\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
