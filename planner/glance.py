@@ -111,7 +111,7 @@ def format_number(value: float | None, digits: int = 3) -> str:
     if value == 0.0:
         return "0"
     if 1e-4 <= abs(value) < 1e6:
-        exponent = int(f"{value:e}".split("e")[1])
+        exponent = int(f"{value:.{digits - 1}e}".split("e")[1])
         return f"{value:.{max(0, digits - 1 - exponent)}f}"
     return f"{value:.{digits - 1}e}"
 

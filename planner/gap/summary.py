@@ -60,9 +60,7 @@ def percent(share: float) -> str:
 
 def number_words(value: float, digits: int = 3) -> str:
     """Write a figure with so many significant digits; an open end of an interval is "open"."""
-    if not math.isfinite(value):
-        return "open"
-    return format_number(float(f"{value:.{digits - 1}e}"), digits)
+    return format_number(value, digits) if math.isfinite(value) else "open"
 
 
 def probability(value: float) -> str:

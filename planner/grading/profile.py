@@ -269,9 +269,9 @@ class StiffnessScale:
         )
 
     def modulus_of(self, material_id: str) -> float:
-        """Return a material's modulus in MPa."""
-        ids = [material.id for material in self.palette.materials]
-        return self.moduli_MPa[ids.index(material_id)]
+        """Return a material's modulus in MPa, by its id, alias or unique prefix."""
+        of = self.palette.resolve(material_id)
+        return self.moduli_MPa[self.palette.materials.index(of)]
 
     def broken(self, material: Material) -> bool:
         """Tell whether a material breaks before the working strain."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from planner.errors import ArgumentError, check_known
+from planner.errors import ArgumentError, as_count, check_kind, check_known
 from planner.materials.laws import make_law
 from planner.materials.marlow import POISSON
 from planner.numerics import FloatArray
@@ -172,13 +172,15 @@ def law_block(material: Material, program: str, number: int = 1) -> str:
     Raises
     ------
     ArgumentError
-        Another program, or one that has no such law.
+        No material, another program, or one that has no such law.
 
     Examples
     --------
     >>> tango = planner.list_materials().palette.resolve("Tango")  # doctest: +SKIP
     >>> print(planner.law_block(tango, "abaqus"))  # doctest: +SKIP
     """
+    check_kind(material, Material, "a Material, as `Palette.resolve` returns")
+    number = as_count(number, "`number`", 99_999_999)
     check_known(program, _PROGRAMS, f"program {program!r}: {{}}choose one of")
     block, begin, end = _PROGRAMS[program]
     until = f"to its break at strain {material.elongation_at_break:g}"

@@ -88,7 +88,8 @@ _BASELINE = "#9aa3ad"
 """What the effects are held against."""
 
 _PALE = "#c9d8ea"
-"""The part of a bar that needs something unknown."""
+_WITH_UNKNOWN = "something unknown, alone or beside it"
+"""The part of a bar that needs something unknown, and what it is called."""
 
 # ------------------------------------------------------------------------------------------------
 # What figures share: panels in rows, and bars from the left.
@@ -501,12 +502,10 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         stretches = ((plain, svg.BLUE), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    key = [
-        svg.rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=svg.BLUE),
-        svg.text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=svg.QUIET),
-        svg.rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
-        svg.text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=svg.QUIET),
-    ]
+    key = []
+    for x, colour, words in ((0.0, svg.BLUE, "by itself"), (92.0, _PALE, _WITH_UNKNOWN)):
+        key.append(svg.rectangle(_BARS_LEFT + x, 48.0, 12.0, 12.0, colour=colour))
+        key.append(svg.text(_BARS_LEFT + x + 18.0, 58.0, words, colour=svg.QUIET))
     rest = 1.0 - sum(h.probability for h in shown)
     notes = ["● not to be told apart here"] if alike else []
     notes += [f"all others together: {probability(rest)}"] if rest >= 5e-4 else []

@@ -10,7 +10,7 @@ from pathlib import Path
 from string import ascii_lowercase
 
 from planner import __version__
-from planner.errors import listed
+from planner.errors import check_kind, listed
 from planner.formats.outputs import write_folder
 from planner.formats.tables import encode_csv
 from planner.formats.units import UnitOf
@@ -264,7 +264,7 @@ def _tables(d: Diagnosis) -> Iterator[_Table]:
     named = ("hypothesis", "probability", "with an unknown beside it", "same class as the verdict")
     yield _Table(named, tuple(ranking))
     places = (
-        (of, axis_words(axis), percent(share), _ends(ends, percent), number_words(p, 2), detail)
+        (of, axis_words(axis), percent(share), _ends(ends, percent), p_value(p)[4:], detail)
         for of, axis, share, *ends, p, detail in _placed(d)
     )
     yield _Table(("of", "along", "share", "90 % interval", "p", "detail"), tuple(places))
@@ -534,12 +534,10 @@ _FLUSH_RIGHT = {
 
 
 _SIGN = (
-    "Every error is the one of “How far it closes”; a single specimen's is with all tests in "
-    "the fit. It is drawn below zero where the measured force is less than predicted; along a "
-    "curve it is that of each place alone. Where words say how far force is below or above "
-    "prediction, they compare forces, in per cent of the predicted one. Point at a mark, or go "
-    "to a figure and press the arrow keys, to read the specimen, its conditions and values; "
-    "Enter enlarges the figure."
+    "Errors in figures are in per cent of the largest force (“How far it closes”), those of one "
+    "specimen with all tests in the fit. How far force lies above or below prediction, in words, "
+    "is in per cent of the predicted force. Point at a mark, or go to a figure and press the arrow "
+    "keys, to read specimen, conditions and values; Enter enlarges the figure."
 )
 
 
@@ -556,9 +554,9 @@ def _body(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     for svg in figures.values():
         yield '<figure>\n<div class="wide" tabindex="0" role="group" aria-label="Figure">'
         yield f"{svg.decode('utf-8').strip()}\n</div>\n</figure>"
+    yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
     if figures:
         yield f'<p class="quiet">{escape(_SIGN)}</p>'
-    yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
     for heading, parts in _sections(d, whole=True):
         yield f"<h2>{escape(heading)}</h2>"
         for part in parts:
@@ -622,4 +620,5 @@ def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = F
     --------
     >>> planner.write_diagnosis(planner.diagnose("lab"), "diagnosis")  # doctest: +SKIP
     """
+    check_kind(diagnosis, Diagnosis, "what `planner.diagnose` returns")
     return write_folder(output, diagnosis_files(diagnosis), force=force, record="diagnosis.json")

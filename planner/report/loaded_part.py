@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner import __version__
+from planner.errors import check_kind
 from planner.formats.field_file import encode_vtu
 from planner.glance import format_interval, format_number, in_percent, place_text, sized
 from planner.materials.mixtures import CoefficientModel
@@ -74,8 +75,8 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
 
     Raises
     ------
-    PlannerError
-        Not of a result that `planner.simulate` returns.
+    ArgumentError
+        Not of a result of a whole part.
 
     Examples
     --------
@@ -83,7 +84,9 @@ def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
-    results = (result,) if isinstance(result, PartSimulation) else tuple(result)
+    results = result if isinstance(result, (tuple, list)) else (result,)
+    for one in results or (None,):
+        check_kind(one, PartSimulation, "what `planner.simulate` returns of a whole part")
     return page.encode_page(
         f"{results[0].name}: under load", _body(results),
         styles=["plan.css"], scripts=["page.js", "part.js"],
@@ -544,7 +547,7 @@ def part_volume(result: PartSimulation) -> bytes:
 
     Raises
     ------
-    AttributeError
+    ArgumentError
         Not of a result of a whole part.
 
     Examples
@@ -553,6 +556,7 @@ def part_volume(result: PartSimulation) -> bytes:
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
     >>> Path("bent.vtu").write_bytes(planner.part_volume(bent))  # doctest: +SKIP
     """
+    check_kind(result, PartSimulation, "what `planner.simulate` returns of a whole part")
     cells, fields = result.cells, result.steps.fields
     coordinate = result.coordinate
     grades = np.array([material.coordinate for material in result.palette.materials])

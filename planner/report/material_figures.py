@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.errors import check_kind
 from planner.grading.profile import StiffnessScale
 from planner.materials.algorithm_one import QuadraticStudy, mixtures_without
 from planner.materials.characterise import Characteristics, Curve, MaterialCharacteristics
@@ -79,6 +80,7 @@ def materials_figure(scale: StiffnessScale) -> bytes:
     >>> figure = planner.materials_figure(planner.list_materials(at_strain=0.2))  # doctest: +SKIP
     >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
     """
+    check_kind(scale, StiffnessScale, "what `planner.list_materials` returns")
     second = _LEFT + _WIDTH + _BETWEEN
     width, height = second + _WIDTH + _MARGIN, _TOP + _HEIGHT + 52.0
     parts = [*_ladder(scale), *_stresses(scale, second)]
@@ -236,6 +238,7 @@ def characterisation_figure(found: Characterisation) -> bytes:
     >>> figure = planner.characterisation_figure(planner.characterise(["tests"]))  # doctest: +SKIP
     >>> Path("tests.svg").write_bytes(figure)  # doctest: +SKIP
     """
+    check_kind(found, Characterisation, "what `planner.characterise` returns")
     shown = [partial(_tests_panel, one, found.curves[one.material]) for one in found.materials]
     parts, width, height = svg.in_rows(shown, _ACROSS, _CORNER, _CELL)
     size = (max(width, 2.0 * _CELL[0]), height - 40.0)
@@ -353,6 +356,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
     >>> figure = planner.fit_figure(planner.fit(["samples/tensile"]))  # doctest: +SKIP
     >>> Path("fit.svg").write_bytes(figure)  # doctest: +SKIP
     """
+    check_kind(study, PaletteStudy, "what `planner.fit` returns")
     materials = study.palette.materials
     tests = [partial(_tests, study, material, study.fits[material.id]) for material in materials]
     sections = [("Tests, their laws and residuals", tests, _FIT_CELL[1] + _RESIDUALS)]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.errors import check_kind
 from planner.numerics import FloatArray
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
@@ -49,6 +50,7 @@ def simulation_figure(simulation: Simulation | PartSimulation) -> bytes:
     >>> figure = planner.simulation_figure(planner.simulate("FLX9760"))  # doctest: +SKIP
     >>> Path("pull.svg").write_bytes(figure)  # doctest: +SKIP
     """
+    check_kind(simulation, (Simulation, PartSimulation), "what `planner.simulate` returns")
     if not isinstance(simulation, Simulation):
         return _part_figure(simulation)
     *_, title = course_of(simulation)

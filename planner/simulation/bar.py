@@ -66,9 +66,10 @@ class Bar:
 
     def __post_init__(self) -> None:
         names = ("edges_mm", "coordinate", "area_mm2")
-        freeze(self, *names)
+        with refused(ArgumentError, "bar", "figures must be numbers ({})", TypeError, ValueError):
+            freeze(self, *names)
         for name in names:
-            if (array := getattr(self, name)).ndim != 1 or not np.isfinite(array).all():
+            if np.ndim(array := getattr(self, name)) != 1 or not np.isfinite(array).all():
                 raise ArgumentError(f"bar: {name} must be finite numbers, one a slice")
         n = len(self.coordinate)
         if n < 1 or self.area_mm2.shape != (n,) or self.edges_mm.shape != (n + 1,):
