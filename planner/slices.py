@@ -1,7 +1,6 @@
 """A plan as the printer's own layers: runs of voxels along each row, images, and their folder."""
 
 import hashlib
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError, refused
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    OutputError,
+    UnknownNameError,
+    positive,
+    refused,
+)
 from planner.formats.files import json_of, path_within
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, encode_layer
@@ -163,16 +169,12 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
 
 
 def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
-    try:
-        edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
-    except (TypeError, ValueError):
-        edges = np.empty(0)
-    if edges.shape not in ((1,), (3,)):
-        raise ArgumentError(f"pitch is {pitch_mm!r}; give one length in mm, or three: x, y, z")
-    whole = tuple(float(p) for p in np.broadcast_to(edges, 3))
+    given: Any = pitch_mm if isinstance(pitch_mm, (list, tuple, np.ndarray)) else [pitch_mm]
+    edges = tuple(positive(edge, "pitch in mm") for edge in given)
+    if len(edges) not in (1, 3):
+        raise ArgumentError(f"pitch: {len(edges)} lengths; give one in mm, or three: x, y, z")
+    whole = edges if len(edges) == 3 else 3 * edges
     for axis, edge, extent in zip("xyz", whole, extent_mm.tolist(), strict=True):
-        if not 0.0 < edge < math.inf:
-            raise ArgumentError(f"pitch along {axis} is {edge:g} mm; it must be above 0 and finite")
         if edge > extent:
             micrometres = ",".join(f"{p / 1000.0:g}" for p in whole)
             hint = f"; did you mean {micrometres} mm?" if edge / 1000.0 <= extent / 2.0 else ""

@@ -387,7 +387,7 @@ def slices(
 
 def _lengths(text: str) -> tuple[float, ...]:
     try:
-        lengths = tuple(float(word) for word in text.split(","))
+        return tuple(float(word) for word in text.split(","))
     except ValueError as error:
         numbers = re.findall(r"\d*\.?\d+", text)
         scale, hint = 0.001 if re.search(r"[uµμ]m", text) else 1.0, ""
@@ -397,9 +397,6 @@ def _lengths(text: str) -> tuple[float, ...]:
             f"--pitch {text}: {hint}give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
             "or one for all"
         ) from error
-    if len(lengths) not in (1, 3):
-        raise ArgumentError(f"--pitch {text}: {len(lengths)} lengths; give one, or three: X,Y,Z")
-    return lengths
 
 
 def _slices_report(stack: "planner.SliceStack", folder: Path) -> None:

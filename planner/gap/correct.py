@@ -15,9 +15,9 @@ from planner.errors import (
     FileError,
     PaletteError,
     UnknownNameError,
-    as_number,
     positive,
     refused,
+    within,
 )
 from planner.gap.campaign import TOLERANCES, Campaign, stated
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
@@ -615,9 +615,7 @@ def _conditions(asked: Reference, own: Reference) -> Reference:
     use, numbers = stated(asked, own), dict[str, Any]()
     for name, (_, _, low, high) in _CONDITIONS.items():
         argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
-        numbers[name] = value = as_number(getattr(use, name), f"`{argument}`")
-        if not low <= value <= high:
-            raise ArgumentError(f"`{argument}` {value:g}: it must be from {low:g} to {high:g}")
+        numbers[name] = within(getattr(use, name), f"`{argument}`", low, high)
     return replace(use, **numbers)
 
 

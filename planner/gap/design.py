@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from scipy.special import ndtr
 
-from planner.errors import ArgumentError, PaletteError, as_count, as_number, as_texts
+from planner.errors import ArgumentError, PaletteError, as_count, as_texts, within
 from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, stated
 from planner.gap.diagnosis import Experiment, Hypothesis
@@ -487,11 +487,7 @@ def design_campaign(
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     as_count(budget, "`budget`", _MOST)
     for name, value in size.items():
-        size[name] = number = as_number(value, f"`{name}`")
-        if not _SMALLEST_mm <= number <= _LARGEST_mm:
-            raise ArgumentError(
-                f"`{name}` {number:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
-            )
+        size[name] = within(value, f"`{name}`", _SMALLEST_mm, _LARGEST_mm)
     say = progress or (lambda what: None)
     plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))
     # Small matrices: more threads only change the last digits.

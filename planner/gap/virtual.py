@@ -13,10 +13,10 @@ from planner.errors import (
     FileError,
     UnknownNameError,
     as_count,
-    as_number,
     as_texts,
     check_known,
     refused,
+    within,
 )
 from planner.formats.files import path_within
 from planner.formats.specimens import read_specimens
@@ -377,12 +377,8 @@ def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
     low, high = parameter.low, parameter.high
     if size:
         low = -high if parameter.signed else 0.0
-    if not low <= value <= high:
-        raise ArgumentError(
-            f"`effect` {whole}: {parameter.name} is {text}; it must be from {low:g} to {high:g}"
-            + (f" {parameter.unit}" if parameter.unit != "1" else "")
-        )
-    return value
+    unit = "" if parameter.unit == "1" else f" in {parameter.unit}"
+    return within(value, f"`effect` {whole}: {parameter.name}{unit}", low, high)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -496,8 +492,7 @@ def synthetic_campaign(
     PaletteError
         A law that nothing can be predicted with.
     """
-    if not 0.0 <= as_number(scatter, "`scatter`") <= _MOST_SCATTER:
-        raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to {_MOST_SCATTER:g}")
+    within(scatter, "`scatter`", 0.0, _MOST_SCATTER)
     laws = law_tables(plan.palette)
     batches = {
         name: USUAL.batch / USUAL.specimen * scatter * float(rng.standard_normal())

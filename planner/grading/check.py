@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PlannerError, as_number
+from planner.errors import FileError, PlannerError, within
 from planner.formats.files import path_within
 from planner.formats.mesh_file import decode_stl
 from planner.formats.outputs import is_as_written, is_scratch
@@ -196,12 +196,11 @@ def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
     densities, profile = dict[str, float](), profile_of(plan.gradient.profile)
     for region in plan.regions:
         where = f"plan.json: region {region.index}"
-        mass = math.nan if region.mass_g is None else region.mass_g
+        mass = region.mass_g or 0.0  # also of one that is not known: then of none of its material
         density = 1000.0 * mass / (region.volume_mm3 or math.nan)
         usual = densities.setdefault(region.printed, density)
-        if region.mass_g is not None and not (
-            0.0 < density < DENSEST_G_CM3 and math.isclose(density, usual, rel_tol=1e-6)
-        ):
+        possible = region.mass_g is None or 0.0 < density < DENSEST_G_CM3
+        if not (possible and math.isclose(density, usual, rel_tol=1e-6)):
             yield (
                 f"{where}: its mass, {mass:.4g} g, is not that of "
                 f"{region.volume_mm3:.4g} mm3 of {region.printed}"
@@ -521,8 +520,7 @@ def diff(
     >>> planner.diff("finger-graded", "five-bands")[0].what  # doctest: +SKIP
     'material removed'
     """
-    if not 0.0 <= as_number(tolerance, "`tolerance`") <= 1.0:
-        raise ArgumentError(f"`tolerance` {tolerance:g}: it must be a number from 0 to 1")
+    within(tolerance, "`tolerance`", 0.0, 1.0)
     plans = [plan if isinstance(plan, Plan) else read_plan(plan) for plan in (before, after)]
     return tuple(_compare(plans[0], plans[1], tolerance))
 

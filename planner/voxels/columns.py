@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, MeshError
+from planner.errors import ArgumentError, MeshError, positive
 from planner.mesh.mesh import Mesh, compact, face_normal
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
 
@@ -376,12 +376,8 @@ class Grid:
     shape: tuple[int, int, int]
 
     def __post_init__(self) -> None:
-        if len(self.pitch_mm) != 3 or not all(0 < p < np.inf for p in self.pitch_mm):
-            raise ArgumentError(
-                f"pitch is {self.pitch_mm} mm; it must be positive and finite along x, y and z"
-            )
-        if not all(np.isfinite(self.origin_mm)):
-            raise ArgumentError(f"grid origin is {self.origin_mm} mm; it must be finite")
+        for edge in self.pitch_mm:
+            positive(edge, "pitch in mm")
         if not all(0 < n <= MOST_VOXELS for n in self.shape):
             raise ArgumentError(
                 f"a pitch of {self.pitch_mm} mm makes a grid of {self.shape} voxels; up to "

@@ -152,6 +152,23 @@ def test_what_lies_outside_the_folder_is_not_read(folder: Path, capsys) -> None:
     assert "lies outside the folder" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("unknown", [0, 2])
+def test_a_mass_is_known_of_all_regions_of_a_material_or_of_none(
+    unknown: int, samples: Path, tmp_path: Path
+) -> None:
+    """It was told only where the region of an unknown mass came behind the other."""
+    plan = planner.grade(
+        samples / "dogbone.stl", from_="Tango", to="FLX9740", axis="x", blend="bands:3"
+    )
+    folder = plan.write(tmp_path / "bands")
+    alike = [k for k, one in enumerate(plan.regions) if one.printed == plan.regions[0].printed]
+    assert len(alike) > 2
+    assert planner.check(folder).problems == ()
+    _change(folder, lambda d: d["regions"][alike[unknown]].update(mass_g=None))
+    problems = planner.check(folder).problems
+    assert any("its mass" in problem for problem in problems)
+
+
 def test_findings_of_the_plan_are_not_forgotten(tmp_path: Path, capsys) -> None:
     plate = trimesh.creation.box((20.0, 5.0, 0.4))
     plan = planner.grade(plate, from_="Vero", to="Tango", axis="x")

@@ -151,7 +151,7 @@ def test_a_campaign_stands_for_its_folder() -> None:
         ("rate:slope=0.1", UnknownNameError, "slope"),
         ("rate:rise", ArgumentError, "NAME=VALUE"),
         ("rate:rise=9", ArgumentError, "0 to 0.8"),
-        ("rate:rise=nan", ArgumentError, "0 to 0.8"),
+        ("rate:rise=nan", ArgumentError, "rise nan: it must be a finite number"),
     ],
 )
 def test_a_misstated_effect_is_refused(palette, text, error, says) -> None:
