@@ -5,13 +5,12 @@ imports none by name. `PrinterProfile` is the ready-made implementation, read fr
 ``printer.toml``; `planner.testing.check_printer` tells a plugin's author what is missing.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import msgspec
 
@@ -92,20 +91,24 @@ class Printer(Protocol):
         """Return the how-to (Markdown) that goes beside the files, for the operator."""
 
 
+_Length = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+_Names = Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+
+
 class ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """What a ``printer.toml`` holds. With `like`, what it leaves out is as of that printer."""
 
-    schema: int
+    schema: Literal[1]
     name: str
     title: str
-    tray_mm: tuple[float, float, float]
-    pixel_mm: tuple[float, float]
-    layer_mm: float
-    minimum_wall_mm: float
-    minimum_feature_mm: float
-    base_resins: tuple[str, ...]
+    tray_mm: tuple[_Length, _Length, _Length]
+    pixel_mm: tuple[_Length, _Length]
+    layer_mm: _Length
+    minimum_wall_mm: _Length
+    minimum_feature_mm: _Length
+    base_resins: _Names
     support: str
-    palettes: tuple[str, ...]
+    palettes: _Names
     operator_names: dict[str, str] = {}
     source: str = ""
     like: str = ""
@@ -215,13 +218,6 @@ def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProf
         base = _installed(like) if isinstance(like, str) else None
         given = {} if base is None else {key: getattr(base, key) for key in _SAME_AS_BASE}
         file = msgspec.convert(given | document, ProfileFile)
-    if file.schema != 1 or not file.palettes:
-        raise PaletteError(f"printer {file.name}: {name} needs schema = 1 and a palette")
-    for key in _LENGTHS:
-        lengths, what = getattr(file, key), f"printer {file.name}: {name}: {key}"
-        for length in lengths if isinstance(lengths, tuple) else (lengths,):
-            if not 0.0 < length < math.inf:
-                raise PaletteError(f"{what} has {length:g}; it must be a length above 0 mm")
     stated = {key: getattr(file, key) for key in (*_SAME_AS_BASE, "operator_names")}
     return PrinterProfile(**stated, folder=folder, base=base)
 

@@ -6,9 +6,8 @@
 
 import hashlib
 import json
-import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import msgspec
 
@@ -101,19 +100,12 @@ def check_printer(printer: object) -> None:
         missing = ", ".join(sorted(name for name in members if not hasattr(printer, name)))
         raise AssertionError(f"{type(printer).__name__} lacks of planner.Printer: {missing}")
     problems = []
-    for name, count in (("tray_mm", 3), ("pixel_mm", 2)):
-        lengths = getattr(printer, name)
-        if not (
-            isinstance(lengths, tuple) and len(lengths) == count and all(map(_length, lengths))
-        ):
-            problems.append(f"{name} is {lengths!r}; it must be {count} lengths above 0")
-    for name in ("layer_mm", "minimum_wall_mm", "minimum_feature_mm"):
-        if not _length(getattr(printer, name)):
-            problems.append(f"{name} is {getattr(printer, name)!r}; it must be a length above 0")
-    if not printer.palettes:
-        problems.append("palettes is empty; a printer brings at least one")
-    if not printer.base_resins:
-        problems.append("base_resins is empty; digital materials are jetted from resins")
+    for name, kind in get_type_hints(ProfileFile, include_extras=True).items():
+        if hasattr(Printer, name):  # what a file has to say, whoever says it
+            try:
+                msgspec.convert(getattr(printer, name), kind)
+            except msgspec.ValidationError as error:
+                problems.append(f"{name} is {getattr(printer, name)!r}: {error}")
     for name in printer.palettes:
         palette = printer.palette(name)
         if palette.name != name:
@@ -191,10 +183,6 @@ def _law_schema() -> dict[str, Any]:
         "required": ["model"],
         "allOf": [one(model) for model in LAW_PARAMETERS],
     }
-
-
-def _length(value: object) -> bool:
-    return isinstance(value, (int, float)) and 0.0 < value < math.inf
 
 
 def threemf_xml_hashes(path: str | Path) -> dict[str, str]:

@@ -199,7 +199,9 @@ def test_a_profile_of_files_is_a_printer(folder: Path) -> None:
         ({"tray_mm": (0.0, 1.0, 1.0)}, "tray_mm"),
         ({"layer_mm": 0.0}, "layer_mm"),
         ({"base_resins": ()}, "base_resins"),
-        ({"palettes": ()}, "palettes is empty"),
+        ({"palettes": ()}, r"palettes is \(\): Expected `array` of length >= 1"),
+        ({"pixel_mm": (0.04, 0.04, 0.03)}, "pixel_mm is .*: Expected `array` of length 2, got 3"),
+        ({"title": None}, "title is None: Expected `str`, got `null`"),
         ({"operator_names": {"Soft": ""}}, "operator_name"),
     ],
 )
