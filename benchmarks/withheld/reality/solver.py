@@ -77,6 +77,8 @@ class _Curves:
         secant = low + rise * part
         slope = secant + strain * rise / width
         pushed = strain < 0.0
+        if not pushed.any():
+            return secant * strain, slope
         straight = np.exp(np.minimum(strain, 0.0) / _BUCKLING_STRAIN)
         push = _BUCKLED * strain + (1.0 - _BUCKLED) * _BUCKLING_STRAIN * (straight - 1.0)
         return (
@@ -128,9 +130,11 @@ class _History:
 
     def stress_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the stress and its slope by strain, before any relaxation."""
-        peak = np.maximum(strain, self._peak_strain)
         bench = self._bench
-        below = strain < peak
+        below = strain < self._peak_strain
+        if not below.any():
+            return self._curves.stress_MPa(strain)
+        peak = np.maximum(strain, self._peak_strain)
         felt, stretch = strain, np.ones_like(strain)
         if bench.set_strain is not None:
             left = bench.set_strain(peak)
@@ -207,15 +211,17 @@ def solve(bench: Bench) -> Response:
             excess = force[:, None] - scale * (kept * stress + past)
             lost, lost_slope = _lost_mm(bench, force, largest_force)
             give = bench.element_mm / stiffness
-            gap = travel[:, row] - lost - np.sum(bench.element_mm * strain + give * excess, axis=1)
-            correction = gap / (give.sum(axis=1) + lost_slope)
+            whole = give.sum(axis=1)
+            gap = travel[:, row] - lost - (bench.element_mm * strain + give * excess).sum(axis=1)
+            correction = gap / (whole + lost_slope)
             step = (excess + correction[:, None]) / stiffness
             damped = 1.0 if iteration < _FULL_STEPS else 0.5
-            strain = strain + np.clip(damped * step, -_LARGEST_CORRECTION, _LARGEST_CORRECTION)
+            limited = np.maximum(damped * step, -_LARGEST_CORRECTION)
+            strain = strain + np.minimum(limited, _LARGEST_CORRECTION)
             force = force + damped * correction
             # Strains may stand still while the force still moves, as where slip begins
             moved = np.abs(bench.element_mm * step).max(axis=1)
-            moved = np.maximum(moved, np.abs(give.sum(axis=1) * correction))
+            moved = np.maximum(moved, np.abs(whole * correction))
             if moved.max() < _TOLERANCE_MM:
                 break
         else:
