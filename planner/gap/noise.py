@@ -2,8 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -150,24 +151,28 @@ class NoisyFeatures:
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""
         stop = rows.stop - int(self.table.is_field[rows].sum())
-        forces = self._force_block(scatter, slice(rows.start, stop), _MODEL_SD)
+        forces = self._force_block(slice(rows.start, stop), _MODEL_SD)(scatter)
         field = _field_block(self.table, self.sensitivity, scatter, slice(stop, rows.stop))
         return scipy.linalg.block_diag(forces, field)
 
-    def _force_block(self, scatter: Scatter, rows: slice | IntArray, least: float) -> FloatArray:
-        """Return the covariance of one specimen's forces, (d, d)."""
+    def _force_block(self, rows: slice | IntArray, least: float) -> Callable[[Scatter], FloatArray]:
+        """Return what makes the covariance of one specimen's forces, (d, d), of a scatter."""
         table, h = self.table, self.sensitivity[rows]
         place, strain = table.path[rows], table.strain[rows]
         share = strain / max(float(strain.max()), 1e-12)
         # Of nearly straight starts: what travel is off by, over the travel.
         tilt, early = h * (share - 0.5), h * share / (share**2 + _AT_REST**2)
-        far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
-        block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
-        block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-        block += scatter.toe**2 * np.outer(early, early)
-        sensor = scatter.sensor * self.sensor_sd_N[table.specimen[rows], table.step[rows]]
-        own = sensor * _by_raw(table, self.sensitivity, rows)
-        block[np.diag_indices(len(h))] += own**2 + least**2
+        far = -np.abs(np.subtract.outer(place, place))
+        sensor = self.sensor_sd_N[table.specimen[rows], table.step[rows]]
+        own = np.square(sensor * _by_raw(table, self.sensitivity, rows))
+        level, *others = (np.outer(v, v) for v in (h, tilt, early))
+        parts = np.stack([level, *others, np.diag(own), least**2 * np.eye(len(h))])
+
+        def block(scatter: Scatter) -> FloatArray:
+            sds = (scatter.specimen, scatter.slope, scatter.toe, scatter.sensor, 1.0)
+            wander = np.exp(far / scatter.wander_length) * level
+            return np.tensordot(np.square(sds), parts, 1) + scatter.wander**2 * wander
+
         return block
 
     def estimated_scatter(
@@ -190,52 +195,62 @@ class NoisyFeatures:
             Which features tell of scatter.
         """
         table, batches = self.table, np.unique(self.batch_of)
-        groups = _groups(table, counts & ~table.is_field)
-        bars = _groups(table, table.is_field)
-        freedom = sum(len(g) - 1 for g in groups)
-        free = [name for name in _PRIOR_SD if (bars if name.startswith("field") else groups)]
-        prior_sd = np.array([_PRIOR_SD[name] for name in free])
-        # Orthonormal differences of replicates, and how much each has of every batch.
-        contrasts, along = (
-            [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in of]
-            for of in (groups, bars)
-        )
         members = (self.batch_of[:, None] == batches) & (batches >= 0)
-        of_batch = [
-            scipy.linalg.helmert(len(rows)) @ members[table.specimen[[r[0] for r in rows]]]
-            for rows in groups
-        ]
+        level = np.where(table.is_field, 0.0, self.sensitivity)
 
-        def cost(logs: FloatArray) -> float:
-            scatter = _scatter(dict(zip(free, logs.tolist(), strict=True)))
-            total = 0.5 * sum((logs / prior_sd) ** 2)
-            inner, cross = np.eye(len(batches)), np.zeros(len(batches))
-            for (first, *_), values, shares in zip(groups, contrasts, of_batch, strict=True):
-                columns = np.stack([scatter.batch * self.sensitivity[first], *values], axis=1)
-                half_log, white = _whitened(self._force_block(scatter, first, _READ_SD), columns)
-                total += len(values) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
-                inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
-                cross += shares.T @ (white[:, 1:].T @ white[:, 0])
-            # Levels of batches, which all groups have in common, integrated out.
-            half_log, half = _whitened(inner, cross)
-            total += half_log - 0.5 * float(half @ half)
-            for (first, *_), differences in zip(bars, along, strict=True):
-                # Where replicates differ because their places lie to the side, it is not scatter.
-                own = _field_block(table, self.sensitivity, scatter, first)
-                own += np.outer(aside[first], aside[first])
-                half_log, white = _whitened(own, differences.T)
-                total += len(differences) * half_log + 0.5 * float(np.sum(white**2))
-            return float(total)
+        def field_block(rows: IntArray) -> Callable[[Scatter], FloatArray]:
+            # Where replicates differ because their places lie to the side, it is not scatter.
+            own = np.outer(aside[rows], aside[rows])
+            return lambda scatter: own + _field_block(table, self.sensitivity, scatter, rows)
 
-        if not free:
+        logs, freedom = dict[str, float](), 0
+        for is_field in (False, True):
+            told = []
+            for rows in _groups(table, table.is_field if is_field else counts & ~table.is_field):
+                # Orthonormal differences of replicates, and how much each has of every batch.
+                contrast, of = scipy.linalg.helmert(len(rows)), table.specimen[[r[0] for r in rows]]
+                differences = contrast @ residual[np.stack(rows)], contrast @ members[of]
+                block = field_block(rows[0]) if is_field else self._force_block(rows[0], _READ_SD)
+                told.append((block, level[rows[0]], *differences))
+                freedom += 0 if is_field else len(contrast)
+            if told:
+                logs |= _likeliest([n for n in _PRIOR_SD if ("field" in n) is is_field], told)
+        if not logs:
             return USUAL
-        best = scipy.optimize.minimize(
-            cost, np.zeros(len(free)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(free),
-            options={"maxiter": 25},
-        )  # fmt: skip
         log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
-        found = _scatter(dict(zip(free, best.x.tolist(), strict=True)))
-        return replace(found, log_sd=log_sd, degrees_of_freedom=freedom)
+        return replace(_scatter(logs), log_sd=log_sd, degrees_of_freedom=freedom)
+
+
+def _likeliest(names: Sequence[str], told: Sequence[tuple[Any, ...]]) -> dict[str, float]:
+    """Return logarithms of factors on `USUAL`, or of odds, that differences of replicates tell.
+
+    Parameters
+    ----------
+    told
+        Of each group, what makes its covariance, what a batch changes, (d,), differences, (k, d),
+        and how much each has of every batch, (k, batches).
+    """
+    prior_sd, batches = np.array([_PRIOR_SD[name] for name in names]), told[0][-1].shape[1]
+
+    def cost(logs: FloatArray) -> float:
+        scatter = _scatter(dict(zip(names, logs.tolist(), strict=True)))
+        total = 0.5 * float(np.sum((logs / prior_sd) ** 2))
+        inner, cross = np.eye(batches), np.zeros(batches)
+        for block, level, differences, shares in told:
+            columns = np.stack([scatter.batch * level, *differences], axis=1)
+            half_log, white = _whitened(block(scatter), columns)
+            total += len(differences) * half_log + 0.5 * float(np.sum(white[:, 1:] ** 2))
+            inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
+            cross += shares.T @ (white[:, 1:].T @ white[:, 0])
+        # Levels of batches, which all groups have in common, integrated out.
+        half_log, half = _whitened(inner, cross)
+        return total + half_log - 0.5 * float(half @ half)
+
+    best = scipy.optimize.minimize(
+        cost, np.zeros(len(names)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(names),
+        options={"maxiter": 25},
+    )  # fmt: skip
+    return dict(zip(names, best.x.tolist(), strict=True))
 
 
 def _field_block(
