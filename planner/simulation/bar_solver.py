@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import zip_longest
+from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -1002,14 +1003,20 @@ class Prediction:
         Engineering strain of every slice, of its `PulledBars.length_mm`.
     bars
         What was predicted.
+    borne_N : (P, T)
+        What the specimens bear, before the load cell.
     mixtures
         Of the slices; see `LawTables.mixed`.
+    curves
+        The laws of instantaneous stress.
     """
 
     force_N: FloatArray
     strain: FloatArray
     bars: PulledBars
+    borne_N: FloatArray
     mixtures: tuple[IntArray, IntArray, FloatArray]
+    curves: LawTables
 
 
 _OF_ALL = frozenset(
@@ -1020,9 +1027,9 @@ _OF_ALL = frozenset(
 
 
 def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
-    """Return which tests are not the same in both, (P,); of as many steps and slices."""
+    """Return which specimens are not pulled alike in both, (P,); of as many steps and slices."""
     differs = np.zeros(len(bars.time_s), dtype=np.bool_)
-    for name in (f.name for f in fields(PulledBars)):
+    for name in {f.name for f in fields(PulledBars)} - {"gain", "offset_N"}:
         own, other = getattr(bars, name), getattr(like, name)
         if own is other:  # an effect changes a few, and hands the others on
             continue
@@ -1053,9 +1060,9 @@ def predict(
     Parameters
     ----------
     like
-        By the same laws, of as many tests, steps and slices: tests that are the same in it are not
-        followed again, and show the same to the last digit. The others start from it, and end
-        within the tolerance of where they would end without.
+        By the same laws, of as many tests, steps and slices: specimens that are pulled alike in it
+        are not followed again, and bear the same to the last digit. The others start from it, and
+        end within the tolerance of where they would end without.
     """
     tests = np.empty(len(bars.time_s), dtype=_TEST)
     tests["first"], tests["stop"] = bars.first_slice[:-1], bars.first_slice[1:]
@@ -1066,18 +1073,20 @@ def predict(
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
     paths["worn"] = np.log1p(bars.reloads)
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
-    curves = replace(laws, cubics=laws.cubics[: ways * materials])
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
-    if like is not None and bars.coordinate is like.bars.coordinate:
-        mixtures = like.mixtures
-    else:
-        mixtures = curves.mixed(bars.coordinate)
+    alike = like if like is not None and bars.coordinate is like.bars.coordinate else None
+    mixtures = laws.mixed(bars.coordinate) if alike is None else alike.mixtures
     slices["lower"], slices["upper"], weights = mixtures
     slices["rise"], slices["slope_0"], slices["slope_1"] = weights
-    if len(bars.reference_relaxing):
-        mixed = bool(slices["rise"].any())
-        shares = np.tile(bars.reference_relaxing, (ways, 1))
-        curves = instantaneous(curves, shares, bars.reference_rate_per_s, mixed=mixed)
+    of_laws = attrgetter("pushed", "reference_rate_per_s", "reference_relaxing")
+    if alike is not None and all(map(np.array_equal, of_laws(bars), of_laws(alike.bars))):
+        curves = alike.curves
+    else:
+        curves = replace(laws, cubics=laws.cubics[: ways * materials])
+        if len(bars.reference_relaxing):
+            mixed = bool(slices["rise"].any())
+            shares = np.tile(bars.reference_relaxing, (ways, 1))
+            curves = instantaneous(curves, shares, bars.reference_rate_per_s, mixed=mixed)
     pushed = np.repeat(bars.pushed, np.diff(bars.first_slice))
     for name in ("lower", "upper"):
         slices[name] += materials * pushed
@@ -1090,11 +1099,11 @@ def predict(
     relaxing = np.zeros((len(slices), len(used)), dtype=_RELAXING)
     relaxing["share"] = bars.relaxing[:, used]
     strain = np.empty((bars.time_s.shape[1], len(slices)))
-    force = np.empty(bars.time_s.shape)
+    borne = np.empty(bars.time_s.shape)
     some, near = np.ones(len(tests), dtype=np.bool_), strain[:0]
     if like is not None:
         some = _differs(bars, like.bars)
-        strain[:], force[:] = like.strain * np.where(pushed, -1.0, 1.0), like.force_N
+        strain[:], borne[:] = like.strain * np.where(pushed, -1.0, 1.0), like.borne_N
         near = strain.copy()
     # Copies, for kernels are compiled for arrays of one kind.
     softening = np.array(bars.softening_table, dtype=np.float64)
@@ -1114,6 +1123,6 @@ def predict(
     alone = paths[of_bars]
     follow(tests[of_bars], alone)
     paths[of_bars] = alone
-    signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"][some]
-    force[some] = bars.gain[some] * signed + bars.offset_N[some]
-    return Prediction(force, np.where(pushed, -strain, strain), bars, mixtures)
+    borne[some] = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"][some]
+    shown, strain = bars.gain * borne + bars.offset_N, np.where(pushed, -strain, strain)
+    return Prediction(shown, strain, bars, borne, mixtures, curves)
