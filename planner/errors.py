@@ -176,7 +176,7 @@ def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> 
 # Arguments as scripts give them, numpy scalars included, as plain numbers.
 
 
-def as_number(value: SupportsFloat, name: str, ends: Sequence[float] = ()) -> float:
+def as_number(value: SupportsFloat | str, name: str, ends: Sequence[float] = ()) -> float:
     """Return a finite number, where ends are given one between them.
 
     Raises
@@ -227,7 +227,7 @@ def as_texts(value: str | Iterable[str], name: str) -> tuple[str, ...]:
         return (value,) if isinstance(value, str) else tuple(text + "" for text in value)
 
 
-def positive(value: SupportsFloat, name: str) -> float:
+def positive(value: SupportsFloat | str, name: str) -> float:
     """Return a number above 0 with which one can reckon.
 
     Raises

@@ -107,15 +107,12 @@ class LawParameters:
 
 def _parameters(model: str, given: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     """Return a law's parameters in its own order, each a tuple of finite numbers."""
-    said = f"law: model is {model!r}; {{}}it must be one of"
-    check_known(model, LAW_PARAMETERS, said)
+    check_known(model, LAW_PARAMETERS, f"law: model is {model!r}; {{}}it must be one of")
     expected = LAW_PARAMETERS[model]
     takes = f"{model} takes {', '.join(expected)}"
-    if not isinstance(given, Mapping):
-        raise ArgumentError(f"law: {given!r}: give a mapping; {takes}")
+    check_kind(given, Mapping, f"parameters by symbol; {takes}")
     for key in given:
-        if key not in expected:
-            raise ArgumentError(f"law: unknown key {key!r}; {takes}")
+        check_known(key, expected, f"law: unknown key {key!r}; {{}}{model} takes")
     parameters: dict[str, tuple[float, ...]] = {}
     for key, length in expected.items():
         if key not in given:

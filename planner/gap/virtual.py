@@ -15,6 +15,7 @@ from planner.errors import (
     as_count,
     as_texts,
     check_known,
+    positive,
     refused,
     within,
 )
@@ -319,9 +320,8 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
 def _figure(value: str | float | None, otherwise: float, where: str, name: str) -> float:
     if value is None:
         return otherwise
-    if isinstance(value, str) or not value > 0.0:
-        raise FileError(f"{where}: {name} is {value!r}; it must be above 0, or empty")
-    return value
+    with refused(FileError, where, "{}, or empty", ArgumentError):
+        return positive(value, name)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -270,8 +270,7 @@ class StiffnessScale:
 
     def modulus_of(self, material_id: str) -> float:
         """Return a material's modulus in MPa, by its id, alias or unique prefix."""
-        of = self.palette.resolve(material_id)
-        return self.moduli_MPa[self.palette.materials.index(of)]
+        return self.moduli_MPa[self.palette.materials.index(self.palette.resolve(material_id))]
 
     def broken(self, material: Material) -> bool:
         """Tell whether a material breaks before the working strain."""

@@ -19,6 +19,7 @@ from planner.errors import (
     UnknownNameError,
     as_count,
     as_number,
+    check_kind,
     did_you_mean,
     positive,
 )
@@ -192,10 +193,7 @@ class _EarlierPlan:
 def _earlier(like: str | Path | Plan) -> _EarlierPlan:
     if isinstance(like, Plan):
         return _EarlierPlan(like, hashlib.sha256(like.json()).hexdigest())
-    if not isinstance(like, (str, Path)):
-        raise ArgumentError(
-            f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
-        )
+    check_kind(like, (str, Path), "`like` as a planner.Plan, a plan.json or its folder")
     return _EarlierPlan(read_plan(like), hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
 
 

@@ -172,7 +172,7 @@ def test_options_beside_it_win(first) -> None:
         ({"to": 7.0}, "`to` 7.0 contradicts `like`"),
         ({"at_strain": 0.2}, "secant moduli up to a strain of 0.1"),
         ({"axis": "x", "field": "axis: x"}, "not both"),
-        ({"like": 3}, "`like` is a int"),
+        ({"like": 3}, "3: give `like` as a planner.Plan"),
         ({"like": "nowhere"}, "no such file or folder"),
     ],
 )

@@ -314,7 +314,7 @@ def test_a_palette_made_in_a_script_is_held_to_what_a_file_is(
         ("neo-hookean", {"mu_MPa": math.nan}, "law: mu_MPa nan: it must be a finite number"),
         ("yeoh", {"c_MPa": (1.0, 2.0)}, "law: c_MPa has 2 values; yeoh takes 3"),
         ("ogden", {"mu_MPa": (), "alpha": ()}, "mu_MPa has 0 values; ogden takes one or more"),
-        ("neo-hookean", 1.0, "law: 1.0: give a mapping; neo-hookean takes mu_MPa"),
+        ("neo-hookean", 1.0, "1.0: give parameters by symbol; neo-hookean takes mu_MPa"),
     ],
 )
 def test_a_law_made_in_a_script_is_held_to_what_a_file_is(
