@@ -94,8 +94,14 @@ def check_format(files: dict[str, str], name: str, specimens: int) -> None:
         assert np.isfinite(float(row["strain"]))
 
 
-@pytest.mark.parametrize("tier", TIERS)
-@pytest.mark.parametrize("set_name", SETS)
+@pytest.mark.parametrize(
+    ("set_name", "tier"),
+    [
+        pytest.param(name, tier, marks=[pytest.mark.long] * ((number + turn) % len(SETS) > 0))
+        for number, name in enumerate(SETS)
+        for turn, tier in enumerate(TIERS)
+    ],
+)
 def test_campaigns_are_as_the_contract_has_them(set_name: str, tier: str) -> None:
     campaign = make_campaign(PALETTE, set_name, tier, 30, 11, 0)
     check_format(dict(campaign_files(campaign)), campaign.name, 30)

@@ -1,6 +1,6 @@
 """The diagnosis on campaigns whose cause is withheld: a regression with a pinned seed.
 
-A part of them runs with every change, in three minutes on 2 free cores, all of them by hand, with
+A part of them runs with every change, in two minutes on 2 free cores, all of them by hand, with
 ``pytest -m long``. They are diagnosed by two processes of their own: once, as a file goes to one
 worker (``--dist loadfile``). The whole check, its targets and what it measures:
 benchmarks/withheld/README.md. Thresholds lie below what the method reached when they were set, by a
@@ -35,20 +35,20 @@ ONE = ("library", "other")
 NONE = ("none", "none-t4", "none-scatter")
 
 REACHED = {
-    (ONE, "top_1"): {"ci": (9, 12), "pinned": (11, 16)},
-    (ONE, "class_hit"): {"ci": (10, 12), "pinned": (14, 16)},
-    (("pair",), "partly"): {"ci": (3, 3), "pinned": (4, 4)},
-    (("pair",), "top_1"): {"ci": (3, 3), "pinned": (3, 4)},
-    (("left out",), "open"): {"ci": (7, 8), "pinned": (7, 8)},
+    (ONE, "top_1"): {"ci": (5, 7), "pinned": (11, 16)},
+    (ONE, "class_hit"): {"ci": (5, 7), "pinned": (14, 16)},
+    (("pair",), "partly"): {"ci": (2, 2), "pinned": (4, 4)},
+    (("pair",), "top_1"): {"ci": (2, 2), "pinned": (3, 4)},
+    (("left out",), "open"): {"ci": (3, 4), "pinned": (7, 8)},
     (("unclaimed",), "open"): {"ci": (1, 1), "pinned": (2, 2)},
     (("cancelling",), "top_1"): {"ci": (1, 1), "pinned": (1, 2)},
 }
 """Campaigns that were right, of how many, by subset."""
 
 AVOIDED = {
-    (ONE, "misattributed"): {"ci": (0, 12), "pinned": (1, 16)},
+    (ONE, "misattributed"): {"ci": (0, 7), "pinned": (1, 16)},
     (NONE, "false_alarm"): {"ci": (0, 4), "pinned": (1, 8)},
-    (("left out",), "misattributed"): {"ci": (0, 8), "pinned": (1, 8)},
+    (("left out",), "misattributed"): {"ci": (0, 4), "pinned": (1, 8)},
 }
 """Campaigns that were wrong so."""
 
@@ -58,9 +58,8 @@ LOG_GAIN = 3.45
 LEAST_AREA_UNKNOWN = 0.65
 """Under the curve that tells unknown effects from others by their probability; reached: 0.74."""
 
-MOST_CLOSURE_ERROR = 0.10
-"""Median over all campaigns that say how far the gap closes; reached: 0.056, and
-0.098 of the part that runs with every change."""
+MOST_CLOSURE_ERROR = {"ci": 0.13, "pinned": 0.10}
+"""Median over all campaigns that say how far the gap closes; reached: 0.101 and 0.056."""
 
 
 @pytest.fixture(scope="module", params=["ci", pytest.param("pinned", marks=pytest.mark.long)])
@@ -113,7 +112,6 @@ def test_probabilities_are_worth_something(scores: list[Score]) -> None:
     assert summarise(scores).area_unknown >= LEAST_AREA_UNKNOWN
 
 
-def test_how_far_the_gap_closes_is_said_rightly(scores: list[Score]) -> None:
-    assert median(s.closure_error for s in scores if s.closure_error is not None) <= (
-        MOST_CLOSURE_ERROR
-    )
+def test_how_far_the_gap_closes_is_said_rightly(scores: list[Score], subset: str) -> None:
+    errors = [s.closure_error for s in scores if s.closure_error is not None]
+    assert median(errors) <= MOST_CLOSURE_ERROR[subset]

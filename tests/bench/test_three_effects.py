@@ -48,7 +48,7 @@ def test_what_is_soft_is_not_taken_for_what_was_written_in_pounds(tmp_path: Path
     assert found.ranking[0].probability > 0.6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_gain_of_one_batch_beside_other_effects_is_known_of_what_is_left_out(
     tmp_path: Path,
 ) -> None:

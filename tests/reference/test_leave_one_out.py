@@ -31,6 +31,7 @@ def rows() -> list[HeldOut]:
     return [held_out(THESIS, PALETTE, p) for p in THESIS.elastomers[1:-1]]
 
 
+@pytest.mark.slow
 def test_half_the_error_of_the_literal_model_on_average(rows: list[HeldOut]) -> None:
     assert [r.id for r in rows] == ["FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785"]
     literal = fmean(r.literal for r in rows)
@@ -40,6 +41,7 @@ def test_half_the_error_of_the_literal_model_on_average(rows: list[HeldOut]) -> 
     assert all(r.consistent_crosshead < r.literal for r in rows)
 
 
+@pytest.mark.slow
 def test_six_tenths_of_the_error_of_straight_lines_between_neighbours(rows: list[HeldOut]) -> None:
     """By crosshead, where nothing of the grade's own curve is known, and at no grade above it."""
     off, straight = (
@@ -55,6 +57,7 @@ def test_six_tenths_of_the_error_of_straight_lines_between_neighbours(rows: list
 
 @pytest.mark.long
 @pytest.mark.parametrize("softest", [26.0, pytest.param(28.0, marks=pytest.mark.long)])
+@pytest.mark.slow
 def test_the_softest_grades_unsure_hardness_changes_little(
     softest: float, rows: list[HeldOut]
 ) -> None:
