@@ -486,8 +486,7 @@ def design_campaign(
     if (double := next((id for id in asked if asked.count(id) > 1), None)) is not None:
         raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     as_count(budget, "`budget`", _MOST)
-    for name, value in size.items():
-        size[name] = within(value, f"`{name}`", _SMALLEST_mm, _LARGEST_mm)
+    size = {name: within(v, f"`{name}`", _SMALLEST_mm, _LARGEST_mm) for name, v in size.items()}
     say = progress or (lambda what: None)
     plan = Campaign("candidates", machine.name, palette, candidates_of(palette, asked, size))
     # Small matrices: more threads only change the last digits.

@@ -543,7 +543,8 @@ _SIGN = (
 
 def _body(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     """Yield the lines of the page, figures as SVG by name; their marks tell what they are."""
-    errors = {"gap before": d.gap.before, "gap after": d.gap.after, "floor": d.gap.floor}
+    gap = d.gap
+    errors = {"gap before": gap.before, "gap after": gap.after, "scatter of replicates": gap.floor}
     facts = (
         ("verdict", d.verdict, "good" if d.ok else "bad"),
         ("probability", probability(best_of(d).probability), ""),

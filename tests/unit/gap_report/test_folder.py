@@ -136,7 +136,7 @@ def test_the_head_has_the_verdict_in_figures_and_figures_come_first(
         "probability": probability(found.ranking[0].probability),
         "gap before": percent(gap.before),
         "gap after": percent(gap.after),
-        "floor": percent(gap.floor),
+        "scatter of replicates": percent(gap.floor),
     }
     figures = [rest.index(svg.decode().strip()) for svg in figures_of(found).values()]
     assert list(figures_of(found))[-3:] == ["evidence", "residuals", "closure"][-3:]
