@@ -113,8 +113,8 @@ def test_a_run_from_making_to_markdown(
     command = ["--set", "development", "--seed", "5", "--count", "1", "--specimens", "20"]
     command += ["--jobs", "1", "--subset", "ci", "-o", str(folder)]
     assert main(command) == 1  # "none" to everything misses targets
-    # nine tiers, and the library's campaign once more without its effect
-    assert len(asked) == 10
+    # eight tiers, and the library's campaign once more without its effect
+    assert len(asked) == 9
     assert sum(bool(without) for without in asked) == 1
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     rows = {r["tier"]: r["rates"] for r in results["summary"]["rows"] if r["by"] == "all"}
@@ -132,7 +132,7 @@ def test_a_run_from_making_to_markdown(
         journal.write('{"campaign": "')
     before = (folder / "results.json").read_bytes()
     assert main([*command, "--resume"]) == 1
-    assert len(asked) == 10
+    assert len(asked) == 9
     assert (folder / "results.json").read_bytes() == before
     assert main([*command, "--resume", "--seed", "6"]) == 2
 
