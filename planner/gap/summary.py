@@ -1,8 +1,8 @@
 """A diagnosis in words, three sentences and figures; where a campaign stands, what comes next."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -55,12 +55,12 @@ def axis_words(axis: str) -> str:
 
 def percent(share: float) -> str:
     """Write a share in per cent: 0.214 is "21 %", 0.034 is "3.4 %"."""
-    return f"{number_words(100.0 * share, 2)} %" if math.isfinite(share) else "open"
+    return f"{number_words(100.0 * share, 2)} %" if isfinite(share) else "open"
 
 
 def number_words(value: float, digits: int = 3) -> str:
     """Write a figure with so many significant digits; an open end of an interval is "open"."""
-    return format_number(value, digits) if math.isfinite(value) else "open"
+    return format_number(float(f"{value:.{digits - 1}e}"), digits) if isfinite(value) else "open"
 
 
 def probability(value: float) -> str:

@@ -87,7 +87,9 @@ def test_figures_in_words() -> None:
         "10.0",
         "1.00e-05",
     ]
-    assert [percent(v) for v in (0.0345, 0.995, 1.5, np.inf)] == ["3.5 %", "100 %", "150 %", "open"]
+    assert [percent(v) for v in (0.0345, 0.995, 1.506, np.inf)] == [
+        "3.5 %", "100 %", "150 %", "open",
+    ]  # fmt: skip
     assert [probability(v) for v in (0.999, 0.5, 1e-4)] == ["above 0.99", "0.50", "below 0.01"]
     assert [listed(list("abcd")[:n], most=3) for n in (1, 2, 4)] == [
         "a",
