@@ -72,7 +72,7 @@ def probability(value: float) -> str:
 
 def p_value(p: float) -> str:
     """Write a p-value with one digit where it is small, which is all that it is known to."""
-    return f"p = {number_words(p, 2 if p >= 0.01 else 1)}"
+    return number_words(p, 2 if p >= 0.01 else 1)
 
 
 def sentence(words: str) -> str:
@@ -122,7 +122,7 @@ def _where(d: Diagnosis) -> str:
     near = min(d.where, key=lambda place: place.p)
     return (
         "The gap goes with no single condition clearly enough to be more than chance; nearest to "
-        f"it is {axis_words(near.axis)} ({p_value(near.p)})."
+        f"it is {axis_words(near.axis)} (p = {p_value(near.p)})."
     )
 
 

@@ -332,7 +332,7 @@ def _residual_panel(
     words = axis_words(place.axis)
     heading = words[:1].upper() + words[1:]
     if place is not _OVERALL:
-        heading += f": {percent(place.share)} of the gap, {p_value(place.p)}"
+        heading += f": {percent(place.share)} of the gap, p = {p_value(place.p)}"
     yield svg.text(chart.left, chart.top - 10.0, heading, size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{words}, {unit}" if unit else words

@@ -264,7 +264,7 @@ def _tables(d: Diagnosis) -> Iterator[_Table]:
     named = ("hypothesis", "probability", "with an unknown beside it", "same class as the verdict")
     yield _Table(named, tuple(ranking))
     places = (
-        (of, axis_words(axis), percent(share), _ends(ends, percent), p_value(p)[4:], detail)
+        (of, axis_words(axis), percent(share), _ends(ends, percent), p_value(p), detail)
         for of, axis, share, *ends, p, detail in _placed(d)
     )
     yield _Table(("of", "along", "share", "90 % interval", "p", "detail"), tuple(places))
@@ -337,7 +337,7 @@ def _where(diagnosis: Diagnosis) -> Iterator[str]:
         detail = f": {place.detail}" if place.detail and number else ""
         yield sentence(
             f"{axis_words(place.axis)}, {percent(place.share)} of the gap beyond scatter "
-            f"({percent(low)} to {percent(high)}, {p_value(place.p)}){detail}"
+            f"({percent(low)} to {percent(high)}, p = {p_value(place.p)}){detail}"
         )
     if len(clear) > _PLACES:
         yield sentence(f"also along {listed([axis_words(p.axis) for p in clear[_PLACES:]])}")
@@ -407,7 +407,7 @@ def _remainder(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.remainder:
         return
     places = [
-        f"along {axis_words(p.axis)} ({p_value(p.p)})"
+        f"along {axis_words(p.axis)} (p = {p_value(p.p)})"
         + (f", {p.detail.rstrip('.')}" if p.detail else "")
         for p in diagnosis.remainder
     ]

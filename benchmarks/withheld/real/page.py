@@ -157,7 +157,7 @@ def _section(a: Answered) -> Iterator[str]:
 def _places(d: Diagnosis) -> Iterator[str]:
     clear = [p for p in d.where if p.p < _SIGNIFICANT]
     for place in clear:
-        yield sentence(f"{axis_words(place.axis)} ({p_value(place.p)}): {place.detail}")
+        yield sentence(f"{axis_words(place.axis)} (p = {p_value(place.p)}): {place.detail}")
     if not clear:
         yield "No axis shows more than chance would."
 
@@ -184,7 +184,7 @@ def _gap(a: Answered) -> Iterator[str]:
     ]
     if beside:
         yield f"For comparison: {listed(beside)}."
-    remains = [f"{axis_words(p.axis)} ({p_value(p.p)}; {p.detail})" for p in d.remainder]
+    remains = [f"{axis_words(p.axis)} (p = {p_value(p.p)}; {p.detail})" for p in d.remainder]
     if remains:
         yield f"What remains lies along {listed(remains)}."
 
@@ -200,7 +200,7 @@ def _rates(a: Answered) -> Iterator[str]:
         seen = "more" if along.p < _SIGNIFICANT else "no more"
         words.append(
             f"Along the crosshead's speed the gap varies {seen} than by chance "
-            f"({p_value(along.p)})."
+            f"(p = {p_value(along.p)})."
         )
     if without is not None:
         others = [n for n in map("+".join, without.same_class) if n != without.verdict]
