@@ -211,49 +211,38 @@ def weld_points(points: _Points) -> tuple[_Points, Int32Array]:
     distinct = np.empty_like(words)
     index = np.empty(len(words), dtype=np.int32)
     bits = max(10, (4 * len(words) // 3).bit_length())  # at most three quarters are taken
-    n, _ = _weld(words, distinct, index, np.zeros(1 << bits, np.int32), np.uint64(64 - bits))
+    n = _weld(words, distinct, index, np.zeros(1 << bits, np.int32), np.uint64(64 - bits))
     return distinct[:n].copy().view(points.dtype), index
-
-
-_AHEAD = 256
-"""Rows that are looked up together: the processor fetches what they need side by side, where one
-after the other would wait for memory each time (3 times as long on a million rows)."""
 
 
 @kernel
 def _weld(rows: Any, distinct: Any, index: Any, table: Any, shift: Any) -> Any:
-    """Give equal rows of uint32 one number.
+    """Give equal rows of uint32 one number; return how many are distinct.
 
     An open-addressed table has the number + 1 of a row of `distinct`, and 0 where it is free. Slots
     are the top bits of the hash, all but `shift`: low bits of round coordinates are all zero.
     """
-    n, fetched = 0, 0
-    for begin in range(0, rows.shape[0], _AHEAD):
-        end = begin + _AHEAD if begin + _AHEAD < rows.shape[0] else rows.shape[0]
-        for i in range(begin, end):
-            mixed = np.uint64(0)  # a product hash, whose top bits are the best
+    n = 0
+    for i in range(rows.shape[0]):
+        mixed = np.uint64(0)  # a product hash, whose top bits are the best
+        for k in range(rows.shape[1]):
+            mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(32)
+        slot = np.int64((mixed * np.uint64(0xD6E8FEB86659FD93)) >> shift)
+        while table[slot] > 0:
+            same = True
             for k in range(rows.shape[1]):
-                mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
-            mixed ^= mixed >> np.uint64(32)
-            index[i] = (mixed * np.uint64(0xD6E8FEB86659FD93)) >> shift
-            held = table[index[i]]
-            fetched ^= distinct[held - 1 if held > 0 else 0, 0]
-        for i in range(begin, end):
-            slot = index[i]
-            while table[slot] > 0:
-                same = True
-                for k in range(rows.shape[1]):
-                    same &= distinct[table[slot] - 1, k] == rows[i, k]
-                if same:
-                    break
-                slot = (slot + 1) & (table.size - 1)
-            if table[slot] == 0:
-                for k in range(rows.shape[1]):
-                    distinct[n, k] = rows[i, k]
-                n += 1
-                table[slot] = n
-            index[i] = table[slot] - 1
-    return n, fetched
+                same &= distinct[table[slot] - 1, k] == rows[i, k]
+            if same:
+                break
+            slot = (slot + 1) & (table.size - 1)
+        if table[slot] == 0:
+            for k in range(rows.shape[1]):
+                distinct[n, k] = rows[i, k]
+            n += 1
+            table[slot] = n
+        index[i] = table[slot] - 1
+    return n
 
 
 @inner_kernel
@@ -309,20 +298,12 @@ def cancel_opposite(faces: Int32Array, label: Int32Array | None = None) -> BoolA
     keep = ~repeats_index(faces)
     order, starts = order_rows(*(() if label is None else (label,)), *sorted_corners(faces))
     count = np.diff(starts, append=len(order))
-    pairs = starts[count == 2]  # as good as all of them, where shells meet
-    one, other = order[pairs], order[pairs + 1]
-    opposite = _turned(faces.take(one, axis=0)) != _turned(faces.take(other, axis=0))
-    keep[one[opposite]] = keep[other[opposite]] = False
-    if (count > 2).any():
-        order = order[np.repeat(count > 2, count)]
-        count = count[count > 2]
-        starts = np.cumsum(count) - count
-        way = np.where(_turned(faces[order]), -1, 1)
-        net = np.repeat(np.add.reduceat(way, starts), count)
-        frequent = way * net > 0
-        rank = np.cumsum(frequent)
-        rank -= np.repeat(rank[starts] - frequent[starts], count)
-        keep[order] &= frequent & (rank <= np.abs(net))
+    way = np.where(_turned(faces.take(order, axis=0)), -1, 1)
+    net = np.repeat(np.add.reduceat(way, starts), count)
+    frequent = way * net > 0
+    rank = np.cumsum(frequent)
+    rank -= np.repeat(rank[starts] - frequent[starts], count)
+    keep[order] &= frequent & (rank <= np.abs(net))
     return keep
 
 
