@@ -156,21 +156,13 @@ def deal_rows(
 
 
 @inner_kernel
-def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_leads: Any) -> Any:
-    # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division,
-    # estimated in floating point (per_row = 1 / denominator) and mended in integers.
+def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, y: Any, row_leads: Any) -> Any:
+    # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division.
     # Where rows lead, y is a little more: an edge that leans right has then passed the pixel.
-    denominator = (y1 - y0) << _SHIFT
     numerator = x0 * (y1 - y0) + (x1 - x0) * (y - y0)
     if row_leads and x1 > x0:
         numerator += 1
-    pixel = np.int64(numerator * per_row) + 1
-    beyond = pixel * denominator - numerator
-    while beyond < 0:
-        pixel, beyond = pixel + 1, beyond + denominator
-    while beyond >= denominator:
-        pixel, beyond = pixel - 1, beyond - denominator
-    return pixel
+    return -(-numerator // ((y1 - y0) << _SHIFT))
 
 
 @kernel
@@ -204,18 +196,15 @@ def _spans(
         level = along_y == 0 and (bz - az) * (cx - ax) == (cz - az) * (bx - ax)
         exit_sign = (area > 0) != turned  # the normal points up: the line leaves the body
         rise = along_y * per_area * _LATTICE
-        long_edge = 1.0 / ((cy - ay) << _SHIFT)
-        lower = 1.0 / (max(by - ay, 1) << _SHIFT)
-        upper = 1.0 / (max(cy - by, 1) << _SHIFT)
         first = max(_ceil_voxel(ay), row0)
         last = min(_ceil_voxel(cy), row1)
         for row in range(first, last):
             y = row << _SHIFT
-            left = _first_pixel(ax, ay, cx, cy, long_edge, y, row_leads)
+            left = _first_pixel(ax, ay, cx, cy, y, row_leads)
             if y < by:
-                right = _first_pixel(ax, ay, bx, by, lower, y, row_leads)
+                right = _first_pixel(ax, ay, bx, by, y, row_leads)
             else:
-                right = _first_pixel(bx, by, cx, cy, upper, y, row_leads)
+                right = _first_pixel(bx, by, cx, cy, y, row_leads)
             if left > right:
                 left, right = right, left
             left, right = max(left, 0), min(right, nx)
