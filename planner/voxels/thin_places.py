@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planner.mesh.distance import distances, triangle_tree
 from planner.mesh.mesh import Mesh, number_groups, unite
-from planner.numerics import BoolArray, FloatArray, IntArray, as_point, inner_kernel, kernel
+from planner.numerics import FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, columns_of, snap
 
 __all__ = [
@@ -78,41 +78,16 @@ def _add_runs(bits: _Bits, offsets: IntArray, start: IntArray, stop: IntArray) -
                 bits[row, column, 1 + word] |= mask << np.uint64(low)
 
 
-def active_words(region: _Bits, radius: int) -> BoolArray:
-    """Return which words of a set erosion by a ball can change, or opening after it.
-
-    The others are empty, or full and more than the radius away from any gap. Beyond the rows
-    counts as full here, to save work on rows that are a mere halo: let real ends be empty rows.
-    """
-    interior = region == ~np.uint64(0)
-    if not interior.any():  # a thin wall
-        return np.asarray(region != 0)
-    some = np.uint64((1 << radius) - 1)
-    first, last = some, some << np.uint64(64 - radius)
-    interior[:, :, 1:] &= region[:, :, :-1] & last == last
-    interior[:, :, :-1] &= region[:, :, 1:] & first == first
-    for axis in (0, 1):
-        before = interior.copy()
-        at = np.moveaxis(interior, axis, 0)
-        beside = np.moveaxis(before, axis, 0)
-        for shift in range(1, radius + 1):
-            at[shift:] &= beside[:-shift]
-            at[:-shift] &= beside[shift:]
-    return np.asarray((region != 0) & ~interior)
-
-
-def morph(source: _Bits, lines: IntArray, dilate: bool, region: _Bits, active: BoolArray) -> _Bits:
-    """Erode a region by a `ball`, or dilate what is left of it.
+def morph(source: _Bits, lines: IntArray, dilate: bool, within: _Bits) -> _Bits:
+    """Erode a set by a `ball`, or dilate what is left of one.
 
     Dilation is the erosion of the complement. A line of half-length m erodes as m steps of
     half-length one, which are taken once for all lines of a row.
 
     Parameters
     ----------
-    source
-        The region, or the eroded region to dilate.
-    active
-        From `active_words` of the region; the result is the region in all other words.
+    within
+        A set; words in which it has nothing stay empty.
     """
     out = np.zeros_like(source)
     flip = ~np.uint64(0) if dilate else np.uint64(0)
@@ -121,16 +96,15 @@ def morph(source: _Bits, lines: IntArray, dilate: bool, region: _Bits, active: B
     eroded = np.zeros((2 * reach + 1, reach + 1, source[0].size), np.uint64)
     along = source.reshape(len(source), -1)
     at = np.empty(len(lines), np.int64)
-    _morph(along, lines, flip, region, active, out, eroded, eroded.ravel(), at)
+    _morph(along, lines, flip, within, out, eroded, eroded.ravel(), at)
     return out
 
 
 @kernel
 def _morph(
-    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, eroded: Any,
-    flat: Any, at: Any,
-) -> None:  # fmt: skip
-    rows, columns, words = region.shape
+    source: Any, lines: Any, flip: Any, within: Any, out: Any, eroded: Any, flat: Any, at: Any
+) -> None:
+    rows, columns, words = within.shape
     held, reach = eroded.shape[0], eroded.shape[1] - 1
     one, top = np.uint64(1), np.uint64(63)
     for row in range(-reach, rows):
@@ -158,8 +132,7 @@ def _morph(
                 beyond = True
         for column in range(_ROOM, columns - _ROOM):
             for word in range(words):
-                if not active[row, column, word]:
-                    out[row, column, word] = region[row, column, word]
+                if within[row, column, word] == 0:
                     continue
                 here = np.uint64(0) if beyond and flip == 0 else ~np.uint64(0)
                 place = column * words + word
@@ -231,7 +204,7 @@ def rehearse_sets() -> None:
     """Go once through what opens and grows sets, so that their loops are compiled and kept."""
     nothing = empty_set(1, 1, 1)
     grow(nothing, nothing.copy(), 1)
-    morph(nothing, ball(1), False, nothing, active_words(nothing, 1))
+    morph(nothing, ball(1), False, nothing)
 
 
 def _runs_of(bits: _Bits, low: int, high: int) -> IntArray:
@@ -475,11 +448,10 @@ def _thin_runs(
 
 def _deepest(runs: IntArray, region: _Bits, core: _Bits, radius: int) -> tuple[IntArray, IntArray]:
     # per run: the radius of the largest ball around a core voxel, and the voxel (-1: no core)
-    active = active_words(region, radius) & (core != 0)
     voxel = _members(runs, core)[:, 1]
     depth = np.where(voxel >= 0, 0, -1)
     for size in range(1, radius + 1):
-        inner = _members(runs, morph(region, ball(size), False, region, active) & core)[:, 1]
+        inner = _members(runs, morph(region, ball(size), False, core) & core)[:, 1]
         if not (inner >= 0).any():
             break
         voxel = np.where(inner >= 0, inner, voxel)
@@ -536,9 +508,7 @@ def _opened(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> Iterator[tupl
     # a set's voxels and those of them that the ball reaches, slab by slab
     lines = ball(raster.radius)
     for first, last, low, (region,) in _windows(words, raster, 2 * raster.radius):
-        active = active_words(region, raster.radius)
-        opened = morph(morph(region, lines, False, region, active), lines, True, region, active)
-        del active  # or it would be held until the next slab
+        opened = morph(morph(region, lines, False, region), lines, True, region)
         yield region[first - low : last - low], opened[first - low : last - low]
 
 
@@ -652,18 +622,12 @@ def _sheets(
 @inner_kernel
 def _near(drawn: Any, row: Any, column: Any, voxel: Any) -> Any:
     # Whether any of the 27 voxels around one is in the set.
-    one, word, bit = np.uint64(1), 1 + (voxel >> 6), np.uint64(voxel & 63)
     for i in (0, -1, 1):
         for j in (0, -1, 1):
-            at, beside = row + i, column + j
-            own = drawn[at, beside, word]
-            around = own >> bit | own >> bit >> one | own << one >> bit
-            if bit == 0:
-                around |= drawn[at, beside, word - 1] >> np.uint64(63)
-            elif bit == 63:
-                around |= drawn[at, beside, word + 1]
-            if around & one == 1:
-                return True
+            for k in (0, -1, 1):
+                word = drawn[row + i, column + j, 1 + ((voxel + k) >> 6)]
+                if word >> np.uint64((voxel + k) & 63) & np.uint64(1) == 1:
+                    return True
     return False
 
 
