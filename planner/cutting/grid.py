@@ -996,7 +996,7 @@ def _march(
     ends: Any, faces: Any, of_face: Any, leaf: Any, steepness: Any,
 ) -> Any:  # fmt: skip
     # With room for no faces: counts them. Otherwise fills.
-    values, cells, active, _ = grid
+    active = grid[2]
     nx, ny, nz = active.shape
     count, made, drawing = 0, 0, faces.shape[0] > 0
     v, at, met = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
@@ -1006,15 +1006,6 @@ def _march(
         i, j, k = cube // (ny * nz), cube // nz % ny, cube % nz
         if active[i, j, k] == 0 or divided[i, j, k] != number:
             continue
-        if number == 0:
-            low, high = np.inf, -np.inf
-            for c in range(8):
-                x, y, z = i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)
-                f = values[x * cells, y * cells, z * cells]
-                low, high = min(low, f), max(high, f)
-            first = np.searchsorted(levels, low, side="right")
-            if first == np.searchsorted(levels, high, side="right"):
-                continue
         for t in range(6):
             _root(stack, t, i, j, k, ny, nz)
             left = 1
