@@ -278,7 +278,6 @@ class DitherField:
 
 
 _PARTS = 3  # of a cell's edge, to tell how much of it is inside
-_CHUNK = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -310,13 +309,8 @@ def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     parts = _PARTS if _PARTS * max(shape) < MOST_VOXELS else 1
     inside = inside_shares(mesh, Grid(as_point(first), (cell_mm, cell_mm, cell_mm), shape), parts)
     used = np.flatnonzero(inside)
-    stretch, piece = np.empty((2, len(used)), dtype=np.int64)
-    fraction, centre = np.empty(len(used)), np.empty((len(used), 3))
-    for begin in range(0, len(used), _CHUNK):
-        own = slice(begin, begin + _CHUNK)
-        index = np.stack(np.unravel_index(used[own], shape), axis=1)
-        centre[own] = first + (index + 0.5) * cell_mm
-        stretch[own], fraction[own], piece[own] = dealt.deal(centre[own])
+    centre = first + (np.stack(np.unravel_index(used, shape), axis=1) + 0.5) * cell_mm
+    stretch, fraction, piece = dealt.deal(centre)
     label = np.full(shape, -1, dtype=np.int16)
     label.reshape(-1)[used] = piece
     share = inside.reshape(-1)[used]
