@@ -482,9 +482,9 @@ def _drawn_near(
         marks.divided.reshape(-1)[cell[worst]] = number
         rest = leaf[worst]
         middle = rest[:, _EDGES].sum(axis=2) // 2
-        new = ~_holds(tried, middle)
+        new = ~np.isin(middle, tried)
         marks, tried = _creased(grid, field, marks, rest[:, :4], within_mm, tried, number)
-        rest = rest[~(new & _holds(marks.places, middle)).any(axis=1)]
+        rest = rest[~(new & np.isin(middle, marks.places)).any(axis=1)]
         middles = (rest[:, 0] + rest[np.arange(len(rest)), rest[:, 4]]) // 2
         marks, leaves = _halved(grid, field, marks, middles, number)
         marks, tried = _creased(grid, field, marks, leaves, within_mm, tried, number)
@@ -632,7 +632,7 @@ def _halved(
     """
     leaves = np.empty((0, 4), dtype=np.int64)
     while True:
-        places = _rising(places)
+        places = np.unique(places)
         points = _even_mm(grid, _indices(grid.active, places))
         marks = marks.more(number, places, points, _values_at(field, points), 0)
         room = np.empty(max(4 * len(places), 1000), dtype=np.int64)
@@ -670,9 +670,9 @@ def _creased(
     """
     ends = corners[:, _EDGES].reshape(-1, 2)
     places, first = np.unique(ends.sum(axis=1) // 2, return_index=True)
-    new = ~_holds(tried, places)
+    new = ~np.isin(places, tried)
     sharp, points, values = _crease(grid, field, marks, ends[first[new]], within_mm)
-    tried = _rising(np.concatenate([tried, places[new]]))
+    tried = np.unique(np.concatenate([tried, places[new]]))
     places = places[new][sharp]
     return marks.more(number, places, points[sharp], values[sharp], 1), tried
 
@@ -708,17 +708,6 @@ def _meeting(
     straight = low + share * (high - low)
     bent, foretold = values - straight, low + share * rise - straight
     return inner & (bent * np.sign(foretold) > _SHARP * np.abs(foretold)), points, values, bent
-
-
-def _rising(places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sort, once each; `np.unique` takes a table that numbers of places make slow."""
-    ranked = np.sort(places)
-    return np.asarray(ranked[np.append(True, ranked[1:] > ranked[:-1])[: len(ranked)]])
-
-
-def _holds(rising: NDArray[np.int64], places: NDArray[np.int64]) -> BoolArray:
-    """Tell which of some places are among others that rise; `np.isin` would sort both."""
-    return np.asarray(np.append(rising, -1)[np.searchsorted(rising, places)] == places)
 
 
 def _indices(cubes: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -759,7 +748,7 @@ def _shown(
     # What the field is at least and at most at creases of a cube.
     middle = (each[:, :, _EDGES].sum(axis=-1) // 2).reshape(len(cubes), 36)
     at = np.append(marks.values, np.nan)[np.searchsorted(marks.places, middle)]
-    at = np.where(_holds(marks.places, middle), at, np.nan)
+    at = np.where(np.isin(middle, marks.places), at, np.nan)
     seen = np.full((2, *found[-1].shape), np.nan)
     seen[:, *cubes.T] = np.fmin.reduce(at, axis=1), np.fmax.reduce(at, axis=1)
     shown = ~np.isnan(seen[0]) & ~_hides(grid.values, grid.cells, levels, *seen)
