@@ -63,7 +63,7 @@ def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadraticCoefficients:
-    """c_j(m) = q2 m² + q1 m + q0 for the six coefficients of `OgdenThesis`.
+    """c_j(m) = q2 m² + q1 m + q0 for the six coefficients of eq. 3.8.
 
     Parameters
     ----------
