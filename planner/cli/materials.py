@@ -59,6 +59,8 @@ def materials(
     scale = cli.run(planner.list_materials)
     every = scale.palette
     if as_program is not None:
+        if output is not None or figure is not None:
+            raise ArgumentError("--as prints laws and writes no file: leave out --output, --figure")
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {m.id: planner.law_block(m, as_program, k) for k, m in enumerate(chosen_ones, 1)}
         told = {"schema": 1, "palette": every.name, "blocks": blocks}

@@ -72,6 +72,13 @@ def test_each_material_of_a_model_has_its_own_number(capsys) -> None:
     assert ids == [(str(k), m.id) for k, m in enumerate(RUBBERS, 1)]
 
 
+def test_no_file_is_asked_for_with_laws_to_paste(tmp_path, capsys) -> None:
+    figure = tmp_path / "ladder.svg"
+    assert cli.run(["materials", "--as", "abaqus", "--figure", str(figure)]) == 2
+    assert "--as prints laws and writes no file" in capsys.readouterr().err
+    assert not figure.exists()
+
+
 def test_programs_and_laws_that_do_not_meet_are_told() -> None:
     with pytest.raises(ArgumentError, match="program 'abacus': did you mean abaqus"):
         planner.law_block(RUBBERS[0], "abacus")
