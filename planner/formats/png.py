@@ -8,7 +8,6 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.numerics import IntArray, inner_kernel, kernel
 
@@ -250,12 +249,6 @@ class ImageKind:
     indexed: bool
     pixel_mm: tuple[float, float]
 
-    def pixels(self) -> NDArray[np.uint8]:
-        """Return the bytes of a pixel by label."""
-        if self.indexed:
-            return np.arange(len(self.colours) + 1, dtype=np.uint8)[:, None].copy()
-        return np.array([NOTHING, *self.colours], np.uint8)
-
 
 def encode_layer(runs: _Runs, rows: tuple[int, int], width: int, kind: ImageKind) -> bytes:
     """Return the PNG of some rows of labelled runs.
@@ -270,7 +263,10 @@ def encode_layer(runs: _Runs, rows: tuple[int, int], width: int, kind: ImageKind
         First row of the image, and the one after its last.
     """
     first, last = rows
-    pixel, (head, head_bits, codes, lengths) = kind.pixels(), _deflate_code()
+    head, head_bits, codes, lengths = _deflate_code()
+    pixel = np.array([NOTHING, *kind.colours], np.uint8)  # its bytes by label
+    if kind.indexed:
+        pixel = np.arange(len(pixel), dtype=np.uint8)[:, None].copy()
     code = (codes, lengths)
     a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
     edges = 2 * int(runs[0][last] - runs[0][first])
