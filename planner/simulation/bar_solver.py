@@ -663,9 +663,9 @@ _TOLERANCE = 1e-10
 """Of the force, and of the length. Numerical: where Newton's method ends, far below any sensor."""
 
 _LOW = -0.6
-_ABOVE = 1.0
+_ABOVE = 100.0
 """Strains are sought from `_LOW` to so far above the tables' last. Numerical: no equilibrium of a
-specimen lies beyond."""
+specimen lies beyond, nor of one whose travel is taken for inches."""
 
 _ITERATIONS = 40
 _PATIENCE = 8
@@ -1055,7 +1055,7 @@ def predict(
     """Follow every test along its path.
 
     All values are finite for finite setups: where no equilibrium exists (more travel than the
-    slices can take to strains of -0.6 to 1 beyond the tables), strains stay at that end.
+    slices can take to strains of -0.6 to 100 beyond the tables), strains stay at that end.
 
     Parameters
     ----------

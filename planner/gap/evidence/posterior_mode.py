@@ -12,6 +12,7 @@ from scipy.sparse import block_diag, csr_array, diags_array
 
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray, IntArray
+from planner.simulation.bar_solver import Prediction
 
 __all__ = ["Likelihood", "PosteriorMode", "posterior_mode"]
 
@@ -338,13 +339,13 @@ class _State:
 
     def __init__(
         self, problem: Problem, candidate: Candidate, coordinates: FloatArray,
-        near: FloatArray | None = None,
+        near: FloatArray | None = None, like: Prediction | None = None,
     ) -> None:  # fmt: skip
         self._problem, self.coordinates = problem, coordinates
         self.candidate = _moved(candidate, coordinates)
         none = np.zeros((len(candidate.differing), len(problem.noise.rows)))
         self._near = none if near is None else near
-        self._prediction = problem.predictions([self.candidate])
+        self._prediction = problem.predictions([self.candidate], like)
         self._change = problem.changes(self._prediction)
         self.left = problem.noise.whiten(problem.residual - self._change[0])
         self.left -= problem.gain_of(self.candidate)
@@ -468,7 +469,7 @@ def _damped_step(
         damped = curvature + damping * np.diag(np.diagonal(curvature))
         move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
         at, near = state.coordinates + move, state.own(likelihood).deviates
-        reached = _State(likelihood.problem, state.candidate, at, near)
+        reached = _State(likelihood.problem, state.candidate, at, near, state._prediction[0])
         gained = cost - reached.cost(likelihood)
         if gained > 0.0:
             return reached, move, gained < enough, damping * _LESS
@@ -520,7 +521,7 @@ class PosteriorMode:
     own: FloatArray
     target: FloatArray
     unkept: float = 0.0
-    _known: dict[Likelihood, Elimination] = field(init=False, default_factory=dict)
+    _known: dict[tuple[Likelihood, bool], Elimination] = field(init=False, default_factory=dict)
 
     @classmethod
     def of_nothing(cls, likelihood: Likelihood) -> "PosteriorMode":
@@ -530,14 +531,18 @@ class PosteriorMode:
         return cls(likelihood, Candidate(()), np.zeros(0), none.T, sizes, none, left)
 
     def eliminated(self, likelihood: Likelihood, kept: FloatArray | None = None) -> Elimination:
-        """Return inner products of the target and further columns, under a likelihood."""
-        if kept is not None:
-            return likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
-        if likelihood not in self._known:
-            found = likelihood.elimination(self.target, self.slopes, None, self.own, self.unkept)
-            self._known[likelihood] = found
+        """Return inner products of the target and further columns, under a likelihood.
+
+        Those of no columns and of the specimens' own gains are asked for again, and remembered.
+        """
+        of_gains = kept is likelihood.problem.gains
+        if (known := self._known.get((likelihood, of_gains))) and (of_gains or kept is None):
+            return known
+        found = likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
+        if of_gains or kept is None:
+            self._known[likelihood, of_gains] = found
             likelihood.likeliest = max(likelihood.likeliest, found.none)
-        return self._known[likelihood]
+        return found
 
     def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect under a likelihood."""
