@@ -79,12 +79,30 @@ class Loop:
     def _entry(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return what takes arguments of these types."""
         path = self._path(arguments)
-        if path is not None:
-            with contextlib.suppress(*_UNUSABLE):
-                entry = _linked(pickle.loads(path.read_bytes()), self.py_func)
-                with contextlib.suppress(OSError):  # another user's
-                    os.utime(path)  # for _sweep
-                return entry
+        if path is None:
+            self._compile(arguments)
+            return self._dispatcher  # type: ignore[no-any-return]
+        with contextlib.suppress(*_UNUSABLE):
+            return self._kept(path)
+        with _turn(path):
+            with contextlib.suppress(*_UNUSABLE):  # what another process compiled meanwhile
+                return self._kept(path)
+            compiled = self._compile(arguments)
+            with contextlib.suppress(*_UNUSABLE, pickle.PicklingError):  # a full disk, say
+                scratch = path.with_suffix(f".{os.getpid()}")
+                scratch.write_bytes(pickle.dumps(_linkable(compiled)))
+                scratch.replace(path)
+                _sweep(path.parent.parent, path.stat().st_mtime)
+        return compiled.entry_point  # type: ignore[no-any-return]
+
+    def _kept(self, path: Path) -> Callable[..., Any]:
+        entry = _linked(pickle.loads(path.read_bytes()), self.py_func)
+        with contextlib.suppress(OSError):  # another user's
+            os.utime(path)  # for _sweep
+        return entry
+
+    def _compile(self, arguments: tuple[Any, ...]) -> Any:
+        """Return what numba compiles for these types."""
         searching = gc.isenabled()
         gc.disable()  # for cycles of garbage, an eighth of the time of compiling
         try:
@@ -95,15 +113,7 @@ class Loop:
         finally:
             if searching:
                 gc.enable()
-        if path is None:
-            return self._dispatcher  # type: ignore[no-any-return]
-        compiled = self._dispatcher.overloads[types]
-        with contextlib.suppress(*_UNUSABLE, pickle.PicklingError):  # a full disk, say
-            scratch = path.with_suffix(f".{os.getpid()}")
-            scratch.write_bytes(pickle.dumps(_linkable(compiled)))
-            scratch.replace(path)
-            _sweep(path.parent.parent, path.stat().st_mtime)
-        return compiled.entry_point  # type: ignore[no-any-return]
+        return self._dispatcher.overloads[types]
 
     def _path(self, arguments: tuple[Any, ...]) -> Path | None:
         """Return the file for given arguments and this processor; None where none can be kept."""
@@ -151,6 +161,19 @@ def _usual_folders() -> Iterator[Path]:
     from numba.misc.appdirs import AppDirs
 
     yield Path(AppDirs("planner", appauthor=False).user_cache_dir)  # type: ignore[no-untyped-call]
+
+
+@contextlib.contextmanager
+def _turn(path: Path) -> Iterator[None]:
+    """Wait while another process compiles what is to be kept here; a dead one is not waited for."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ImportError, OSError):  # Windows, or a folder without locks
+            from fcntl import LOCK_EX, flock
+
+            lock = stack.enter_context(path.with_suffix(".lock").open("w"))
+            stack.callback(path.with_suffix(".lock").unlink, missing_ok=True)
+            flock(lock, LOCK_EX)
+        yield
 
 
 _UNUSED_S = 30 * 24 * 3600

@@ -121,6 +121,25 @@ def test_a_loop_that_is_kept_is_called_without_numba_and_gives_the_same(package)
 
 
 @pytest.mark.slow
+def test_processes_that_meet_a_loop_at_once_compile_it_once(package):
+    pytest.importorskip("fcntl")
+    # Each takes its time, so that the second one comes while the first compiles.
+    code = AREAS.replace("compiled.append", "__import__('time').sleep(1.0); compiled.append")
+    env = {**os.environ, "PYTHONPATH": str(package.parent)}
+    env.pop("NUMBA_CACHE_DIR", None)
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", code], env=env, cwd=package.parent, stdout=subprocess.PIPE
+        )
+        for _ in range(2)
+    ]
+    told = [json.loads(one.communicate()[0]) for one in both]
+    assert [area for area, _ in told] == [2.0, 2.0]
+    assert sorted(compiled for _, compiled in told) == [[], ["_add_areas", "face_normal"]]
+    assert not list(package.glob("**/*.lock"))
+
+
+@pytest.mark.slow
 def test_what_a_kept_loop_returns_and_raises_is_what_numba_would(package):
     loop = """
 def loop(a):
