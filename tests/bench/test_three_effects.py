@@ -37,6 +37,7 @@ def test_what_is_best_beside_two_others_is_found_though_it_is_not_best_beside_on
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_is_soft_is_not_taken_for_what_was_written_in_pounds(tmp_path: Path) -> None:
     """A model that may be far off counts 22 of 60 specimens as written in pounds, for 15 that are.
 
