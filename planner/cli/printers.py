@@ -111,6 +111,8 @@ def new(name: str, like: str = "connex3", output: cli.Output = None) -> int:
 
     if not _NAME.fullmatch(name):
         raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
+    if name in planner.installed_printers():  # one of both would be found by it
+        raise ArgumentError(f"{name}: a printer of that name is installed; give another name")
     folder = Path(f"{name}-printer") if output is None else output
     cli.check_targets(force=False, output=(folder, None))
     package = f"{name.replace('-', '_')}_printer"

@@ -134,6 +134,8 @@ def test_a_new_printer_is_a_whole_plugin(
     assert "minimum wall: 0.6 mm" in capsys.readouterr().out
     assert run(["printers", "new", "my-jet"]) == 2  # never over what is there
     assert run(["printers", "new", "../jet"]) == 2
+    assert run(["printers", "new", "connex3"]) == 2  # its name would stand for two
+    assert not Path("connex3-printer").exists()
 
 
 def test_show_says_what_the_printers_software_calls_materials(
