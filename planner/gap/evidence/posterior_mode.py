@@ -535,14 +535,14 @@ class PosteriorMode:
 
         Those of no columns and of the specimens' own gains are asked for again, and remembered.
         """
-        of_gains = kept is likelihood.problem.gains
-        if (known := self._known.get((likelihood, of_gains))) and (of_gains or kept is None):
-            return known
-        found = likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
-        if of_gains or kept is None:
-            self._known[likelihood, of_gains] = found
+        if kept is not None and kept is not likelihood.problem.gains:
+            return likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
+        key = likelihood, kept is None
+        if key not in self._known:
+            found = likelihood.elimination(self.target, self.slopes, kept, self.own, self.unkept)
+            self._known[key] = found
             likelihood.likeliest = max(likelihood.likeliest, found.none)
-        return found
+        return self._known[key]
 
     def weighed(self, likelihood: Likelihood, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect under a likelihood."""
