@@ -36,7 +36,6 @@ def test_what_is_best_beside_two_others_is_found_though_it_is_not_best_beside_on
     assert true.probability > 0.001
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_what_is_soft_is_not_taken_for_what_was_written_in_pounds(tmp_path: Path) -> None:
     """A model that may be far off counts 22 of 60 specimens as written in pounds, for 15 that are.
