@@ -328,6 +328,17 @@ def test_losses_and_elongations_add_up_to_the_travel(joints):
     np.testing.assert_allclose(found.strain @ loose.length_mm + machine + slip, path, atol=1e-7)
 
 
+def test_travel_taken_for_inches_goes_on_straight():
+    """A strain of 0.3 is then one of 7.62, far beyond the tables, in equilibrium all the same."""
+    strain = np.linspace(0.0, 25.4 * 0.3, 64)
+    found = predict(setup(GAUGE_MM * strain, coordinates=((0.0,), (0.0, 0.25))), LAWS)
+    alone = AREA_mm2 * stress_MPa(0.0, strain[1:])
+    assert found.force_N[0, 1:] == pytest.approx(alone, rel=1e-8)
+    soft, firm = AREA_mm2 * stress_MPa(np.array([[0.0], [0.25]]), found.strain[1:, 1:].T)
+    assert firm == pytest.approx(soft, rel=1e-8)
+    assert found.strain[:, 1:].mean(axis=1) == pytest.approx(strain, abs=1e-8)
+
+
 def test_more_travel_than_the_slices_can_take_stays_finite():
     wild = setup(
         there_and_back((30.0, -5.0)), coordinates=((0.0, 1.0),), log_tilt=np.array([-3.0, 3.0])
