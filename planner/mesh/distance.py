@@ -130,7 +130,7 @@ def moved_within(tree: TriangleTree, points_mm: FloatArray, depth_mm: float) -> 
 def _all_nearest(
     tree: TriangleTree, points_mm: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_], FloatArray, IntArray]:
-    points = np.require(points_mm, np.float64, ["C", "W"])
+    points = np.require(points_mm, np.float64, ["C", "W", "E"])
     distance, place = np.empty(len(points)), np.empty((len(points), 3))
     faced, which = np.empty(len(points), dtype=np.bool_), np.empty(len(points), dtype=np.int64)
     _nearest(

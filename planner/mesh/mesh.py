@@ -74,9 +74,9 @@ class Mesh:
     faces: Int32Array
 
     def __post_init__(self) -> None:
-        # Kernels are compiled for one kind of array: contiguous and writable.
+        # Kernels are kept for one kind of array: plain, contiguous and writable.
         for name, kind in (("vertices", np.float64), ("faces", np.int32)):
-            object.__setattr__(self, name, np.require(getattr(self, name), kind, ["C", "W"]))
+            object.__setattr__(self, name, np.require(getattr(self, name), kind, ["C", "W", "E"]))
 
     @cached_property
     def triangles(self) -> FloatArray:
@@ -138,10 +138,10 @@ def measure(
     volume, area, origin = np.zeros(parts), np.zeros(parts), np.full((parts, 3), np.nan)
     bounds = np.empty((parts, 2, 3))
     bounds[:, 0], bounds[:, 1] = np.inf, -np.inf
-    points = np.require(vertices, np.float64, ["C", "W"])
+    points = np.require(vertices, np.float64, ["C", "W", "E"])
     first = np.unique(part, return_index=True)[1] if parts > 1 else np.arange(min(len(part), 1))
     origin[part[first]] = points[faces[first, 0]]
-    faces = np.require(faces, np.int32, ["C", "W"])
+    faces = np.require(faces, np.int32, ["C", "W", "E"])
     flat = _measure(points, faces, part, origin, volume, area, bounds, np.empty((3, 3)))
     return Measures(volume / 6.0, area / 2.0, bounds, int(flat))
 

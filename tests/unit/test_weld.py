@@ -54,6 +54,16 @@ def test_opposite_faces_cancel_and_equal_ones_stay():
     assert not cancel_opposite(pair).any()
 
 
+def test_arrays_are_plain_ones_whatever_class_they_come_in():
+    """trimesh has one of its own, for which no loop is kept: each process would compile anew."""
+
+    class Tracked(np.ndarray):
+        pass
+
+    mesh = Mesh(CUBE.vertices.view(Tracked), CUBE.faces.view(Tracked))
+    assert {type(mesh.vertices), type(mesh.faces)} == {np.ndarray}
+
+
 def test_cube_measures():
     assert CUBE.volume_mm3 == pytest.approx(1, rel=1e-15)
     assert CUBE.area_mm2 == pytest.approx(6, rel=1e-15)
