@@ -227,7 +227,7 @@ def assemble(
         Where Newton's method is.
     """
     nodes, offsets, points, weights, cell_mm = cells
-    most = np.diff(offsets[first : last + 1]).max()  # points of a cell
+    most = (offsets[first + 1 : last + 1] - offsets[first:last]).max()  # points of a cell
     gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
     left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
@@ -320,7 +320,7 @@ def advance(
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
     nodes, offsets, points, weights, cell_mm = cells
-    most = np.diff(offsets[first : last + 1]).max()
+    most = (offsets[first + 1 : last + 1] - offsets[first:last]).max()
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)
