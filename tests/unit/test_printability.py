@@ -66,8 +66,10 @@ def found(plan, kind):
 
 
 @pytest.mark.parametrize("pitch_mm", [0.3, 0.8])
-@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (31.23, -7.7, 123.4)])
-@pytest.mark.parametrize("thickness", [0.1, 0.3, 0.38])
+@pytest.mark.parametrize(
+    ("thickness", "at"),
+    [*((t, (0.0, 0.0, 0.0)) for t in (0.1, 0.3, 0.38)), (0.3, (31.23, -7.7, 123.4))],
+)
 def test_a_thin_concentric_layer_is_found(tmp_path, thickness, at, pitch_mm):
     plan = ball_with_layer(tmp_path, thickness, pitch_mm=pitch_mm, at=at)
     (thin,) = found(plan, "thin-band")
