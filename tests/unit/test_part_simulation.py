@@ -727,7 +727,7 @@ def test_what_is_known_to_take_more_takes_longer() -> None:
 @pytest.mark.slow
 def test_a_pressure_within_a_closed_void_pushes_no_part_as_a_whole() -> None:
     """Nor bends one that is alike on both sides, whatever cells it is cut into."""
-    hollow = [40.0, 6.0, 6.0] * BOX, [34.0, 3.0, 3.0] * BOX + [3.0, 1.5, 1.5]
+    hollow = [20.0, 6.0, 6.0] * BOX, [14.0, 3.0, 3.0] * BOX + [3.0, 1.5, 1.5]
     corners, faces = np.concatenate(hollow), np.concatenate([FACES, FACES[:, ::-1] + len(BOX)])
     result, *_ = planner.simulate_part(
         (corners, faces), planner.LoadCase(fix="x=min", pressure="cavity: 20 kPa", watch="x=max"),
@@ -736,4 +736,4 @@ def test_a_pressure_within_a_closed_void_pushes_no_part_as_a_whole() -> None:
     pushed, watched = result.steps.responses[1:3]
     assert np.abs(pushed.force_N[-1]).max() < 1e-9
     along, *aside = watched.displacement_mm[-1]
-    assert np.abs(aside).max() < 0.1 * along
+    assert np.abs(aside).max() < 0.05 * along  # of half the length a bend is half as large
