@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.withheld.reality.__main__ import main
-from benchmarks.withheld.reality.campaign import make_campaign
+from benchmarks.withheld.reality.campaign import make_campaign, open_lab
 from benchmarks.withheld.reality.effects import EFFECTS
 from benchmarks.withheld.reality.noise import Handling
 from benchmarks.withheld.reality.palette_file import read_palette
@@ -182,7 +182,7 @@ def test_the_order_of_the_ids_says_nothing_of_the_design() -> None:
 
 def test_single_effects_take_turns() -> None:
     effects = [
-        make_campaign(PALETTE, "final", "library", 20, 9, index).truth["effects"][0]
+        open_lab(PALETTE, "final", "library", 20, 9, index).hidden[0].cause.effect.id
         for index in range(len(EFFECTS))
     ]
     assert sorted(effects) == sorted(EFFECTS)
