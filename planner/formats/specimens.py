@@ -75,6 +75,9 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
 )
 """What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
 
+_DIAMETER = SpecimenColumn("diameter_mm", "diameter", "", called=("diameter",))
+"""The section of a round specimen, in place of width and thickness."""
+
 SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
 """The columns that say which specimen it is, what it is made of and where its curve stands."""
 
@@ -112,6 +115,8 @@ class ListedSpecimen(SpecimenConditions):
 
     Attributes
     ----------
+    diameter_mm
+        Of a round specimen, whose sides are unknown.
     material, profile, part
         Exactly one is given: a material of one piece, the file of a graded bar's design, or the
         plan of a whole part.
@@ -133,6 +138,7 @@ class ListedSpecimen(SpecimenConditions):
     load: str = ""
     file: str = ""
     gauge_mm: float | None = None
+    diameter_mm: float | None = None
     mode: str = ""
     covariates: Mapping[str, str] = field(default_factory=dict)
 
@@ -168,7 +174,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     texts: tuple[str, ...] = SPECIMEN_TEXTS
     if "part" in (name.casefold() for name in headings):
         texts += _PART_TEXTS
-    known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
+    known = {name.casefold(): name for name in (*texts, *_COLUMNS)}
     columns = [_column(name, known) for name in headings]
     for name in columns:
         if name and columns.count(name) > 1:
@@ -202,7 +208,8 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     return tuple(row for _, row in specimens.values())
 
 
-_QUANTITIES = {called: name for name, c in SPECIMEN_COLUMNS.items() for called in c.called}
+_COLUMNS = {**SPECIMEN_COLUMNS, _DIAMETER.name: _DIAMETER}
+_QUANTITIES = {called: name for name, c in _COLUMNS.items() for called in c.called}
 _UNIT = re.compile(r"(.*?)\s*[\(\[]\s*(.*?)\s*[\)\]]")
 _OWN_UNITS = {
     "mm": "_mm", "mm/s": "_mm_s", "°c": "_C", "degc": "_C", "h": "_h", "d": "_days", "days": "_days"
@@ -252,9 +259,9 @@ def _listed(
     record, mode = _without_mode(record)
     conditions: dict[str, Any] = {
         column.name: _condition(record.get(column.name, ""), column, separator, where)
-        for column in SPECIMEN_COLUMNS.values()
+        for column in _COLUMNS.values()
     }
-    known = {*names, *SPECIMEN_COLUMNS, ""}
+    known = {*names, *_COLUMNS, ""}
     others = {name: value for name, value in record.items() if name not in known}
     mode = {name.casefold(): value for name, value in others.items()}.get("mode") or mode
     return ListedSpecimen(**texts, **conditions, mode=mode, covariates=others)

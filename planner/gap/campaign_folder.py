@@ -588,7 +588,7 @@ class ListReader:
                 found |= {"part": part, "gauge_mm": part.response.gauge_mm}
             else:
                 file, gauge = path_within(self._file.parent, row.profile), found["gauge_mm"]
-                design, told = read_profile(file, palette=self.palette, gauge_mm=gauge)
+                design, remarks = read_profile(file, palette=self.palette, gauge_mm=gauge)
                 if self._profiles.setdefault(design.name, file) != file:
                     raise FileError(
                         f"another profile is called {design.name!r} too, in "
@@ -596,15 +596,21 @@ class ListReader:
                         "of one name count as replicates"
                     )
                 found |= {"profile": design, "gauge_mm": design.length_mm}
-                notes += told
+                notes += remarks
         if found["gauge_mm"] is None:
             raise FileError(f"{where}: the gauge length is unknown; give gauge_mm")
-        for name in ("width_mm", "thickness_mm"):
+        sides = ("width_mm", "thickness_mm")
+        told = any(found[name] or found[f"measured_{name}"] for name in sides)
+        # An area alone tells no shape.
+        if row.diameter_mm and not (row.part or told):
+            found |= dict.fromkeys(sides, math.sqrt(0.25 * math.pi) * row.diameter_mm)
+            notes.append(f"a diameter of {row.diameter_mm:g} mm, taken as a square of its section")
+        for name in sides:
             drawn = row.part or getattr(design, name, None) is not None
             if not (drawn or found[name] or found[f"measured_{name}"]):
                 raise FileError(
                     f"{where}: the section is unknown, so its force cannot be predicted; give "
-                    f"{name}"
+                    f"{name}, or the diameter_mm of a round specimen"
                 )
         return found, notes
 
@@ -631,9 +637,8 @@ class ListReader:
             if name != "area_mm2" and getattr(row, name, "") is None
             if isinstance(value, float) and value > 0.0
         }
-        row, squared = _with_section(replace(row, **told), table)
+        row = replace(row, **told)
         fields, notes = self.fields(row)
-        notes += squared
         # A part's travel counts along its load, whether that pulls or pushes.
         in_file = str(table.metadata.get("mode", ""))
         for cell in (row.mode, in_file):
@@ -670,20 +675,6 @@ class ListReader:
         except ArgumentError as error:
             raise FileError(f"part {part}: {error}") from error
         return PartTest(response, fix, move, load)
-
-
-def _with_section(row: Row, table: TensileTable) -> tuple[Row, list[str]]:
-    """Return a row with the section of a round specimen whose file tells a diameter, and a note.
-
-    An area alone tells no shape.
-    """
-    sides = (row.width_mm, row.thickness_mm, row.measured_width_mm, row.measured_thickness_mm)
-    diameter = table.metadata.get("diameter_mm")
-    if row.part or any(sides) or not isinstance(diameter, float) or diameter <= 0.0:
-        return row, []
-    side = math.sqrt(0.25 * math.pi) * diameter
-    told = f"its file tells a diameter of {diameter:g} mm, taken as a square of its section"
-    return replace(row, width_mm=side, thickness_mm=side), [told]
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Noted) -> dict[str, TensileTable]:

@@ -338,7 +338,8 @@ class _Test:
         if area_mm2 is None:
             raise FileError(
                 f"{self.where}: the section is unknown, so force gives no stress; add width_mm and "
-                "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
+                "thickness_mm, or diameter_mm, to specimens.csv, or give `width_mm` and "
+                f"`thickness_mm`"
                 f"{self._readings('area_mm2', 'width_mm', 'thickness_mm', 'diameter_mm')}"
             )
         return columns["force_N"] / area_mm2

@@ -469,6 +469,14 @@ def test_a_diameter_in_a_files_head_is_a_section(folder: Path) -> None:
     assert any("a diameter of 20 mm, taken as a square" in note for note in campaign.limitations)
 
 
+def test_a_diameter_in_the_list_is_a_section(folder: Path) -> None:
+    (folder / "specimens.csv").write_text(
+        "specimen,material,gauge_mm,diameter_mm\nS1,FLX9760,25,20\n"
+    )
+    (disc,) = read_campaign(folder).specimens
+    assert (disc.width_mm or 0.0) * (disc.thickness_mm or 0.0) == pytest.approx(100.0 * np.pi)
+
+
 def test_time_may_be_counted_from_the_rate(folder: Path) -> None:
     text = (folder / "curves.csv").read_text()
     lines = [",".join((c := line.split(","))[:1] + c[2:]) for line in text.splitlines()]

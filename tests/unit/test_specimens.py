@@ -56,6 +56,14 @@ def test_measured_sizes_go_first(tmp_path: Path) -> None:
     assert read_specimens(listing(tmp_path, text))[0].area_mm2 == 7.0
 
 
+@pytest.mark.parametrize("heading", ["diameter_mm", "Diameter (mm)"])
+def test_a_diameter_is_a_section(tmp_path: Path, heading: str) -> None:
+    """It was a covariate, and the section unknown."""
+    listing(tmp_path, f"specimen,material,{heading},gauge_mm\nS1,A,10,20\n")
+    (tmp_path / "S1.csv").write_text(curve())
+    assert read_study(tmp_path).dimensions["S1"].area_mm2 == pytest.approx(25.0 * 3.14159265)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
