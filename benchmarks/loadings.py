@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from planner.materials.characterise import Curve
-from planner.materials.fit import LOADINGS, LawFit, Sample, by_mode, choose_law, fit_law, sample_of
+from planner.materials.fit import LawFit, Sample, by_mode, choose_law, fit_law, sample_of
 from planner.materials.laws import candidate_laws
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "elastomers" / "classic_rubber"
-FILES = dict(zip(LOADINGS, ("UT", "PS", "ET"), strict=True))
+FILES = {"uniaxial": "UT", "planar": "PS", "equibiaxial": "ET"}
 STUDIES = ("Treloar_1944", "Kawabata_1981", "Meunier_2008")
 
 PUBLISHED = {

@@ -467,8 +467,7 @@ def fit(
         record = encode_document({"schema": 1, "palette": output.name})
         rows = {**planner.fit_tables(result), _TABLES: record}
         write_folder(tables, rows, force=force, record=_TABLES, option="tables")
-    said = {"file": str(output)}
-    if cli.in_words(lambda: encode_document({**result.document(), **said})):
+    if cli.in_words(lambda: encode_document({**result.document(), "file": str(output)})):
         cli.tell_notes(result.notes)
         _print_report(result, output)
         cli.say(*(f"wrote {path}" for path in (figure, tables) if path))

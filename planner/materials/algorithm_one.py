@@ -105,24 +105,12 @@ class LiteralCurve:
     coordinate
         On the palette, m.
     strain, stress_MPa
-        Engineering strain and nominal stress.
-
-    Raises
-    ------
-    ArgumentError
-        A strain is not above 0.
+        Engineering strain above 0, at which eq. 3.8 diverges, and nominal stress.
     """
 
     coordinate: float
     strain: FloatArray
     stress_MPa: FloatArray
-
-    def __post_init__(self) -> None:
-        if not np.min(self.strain) > 0.0:
-            raise ArgumentError(
-                f"curve at coordinate {self.coordinate:g}: strain {np.min(self.strain):g}; "
-                "eq. 3.8 diverges at rest, so give strains above 0 only"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,14 +212,8 @@ def quadratics_through(coordinates: ArrayLike, coefficients: ArrayLike) -> Quadr
         m of the materials: n of them, three different ones at least.
     coefficients
         c1 to c6 of each, shape (n, 6).
-
-    Raises
-    ------
-    ArgumentError
-        Fewer than three different coordinates.
     """
     m = np.asarray(coordinates, dtype=np.float64)
-    _check_coordinates(m)
     rows = np.linalg.lstsq(np.vander(m, 3), np.asarray(coefficients), rcond=None)[0].T
     return QuadraticCoefficients(rows)
 
@@ -244,9 +226,8 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     Raises
     ------
     ArgumentError
-        Fewer than three different coordinates, or the error at `start` is not finite.
+        The error at `start` is not finite.
     """
-    _check_coordinates(np.array([curve.coordinate for curve in curves]))
     error = _pooled(curves, 2)
     first = np.array(start.rows).ravel()
     if not math.isfinite(error(first)):
@@ -294,14 +275,6 @@ def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray
         return total if math.isfinite(total) else math.inf
 
     return error
-
-
-def _check_coordinates(coordinates: FloatArray) -> None:
-    if (different := len(np.unique(coordinates))) < _FEWEST:
-        raise ArgumentError(
-            f"{different} different coordinates: a quadratic needs at least {_FEWEST}; add "
-            "materials"
-        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -432,12 +405,10 @@ class QuadraticStudy:
             "quadratics_through_coefficients": self.through.rows.tolist(),
             "quadratics": found.pop("model")["rows"].tolist(),
             **found,
-            "falls_at": self.falls_at and dict(zip(_FALLS, self.falls_at, strict=True)),
+            "falls_at": self.falls_at
+            and dict(zip(("coordinate", "strain"), self.falls_at, strict=True)),
             "remarks": list(self.remarks()),
         }
-
-
-_FALLS = ("coordinate", "strain")
 
 
 def _row_document(row: QuadraticRow) -> dict[str, Any]:
@@ -476,14 +447,15 @@ def quadratic_study(
     Raises
     ------
     ArgumentError
-        Fewer than three elastic materials.
+        Fewer than three elastic materials that were pulled.
     """
-    elastic = [m for m in palette.materials if m.deformation == "elastic"]
+    pulled = [m for m in palette.materials if not fits[m.id].compressed]
+    elastic = [m for m in pulled if m.deformation == "elastic"]
     if len(elastic) < _FEWEST:
         names = ", ".join(m.id for m in elastic) or "none"
         raise ArgumentError(
             f"`coefficients` quadratic: that needs {_FEWEST} elastic materials at least; the tests "
-            f"have {len(elastic)} ({names})"
+            f"have {len(elastic)} in tension ({names})"
         )
     curves = [_curve(m, fits[m.id]) for m in elastic]
     single = [individual_fit(curve, level) for curve in curves]
@@ -524,7 +496,7 @@ def _model_without(
     curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], out: int
 ) -> QuadraticCoefficients | None:
     """Return lines 4 to 7 without a material between others, if enough are left to begin at."""
-    if out in (0, len(curves) - 1):
+    if out in (0, len(curves) - 1) or len(curves) <= _FEWEST:
         return None
     kept = [curve for k, curve in enumerate(curves) if k != out]
     own = [fit.c for k, fit in enumerate(fits) if k != out]

@@ -51,27 +51,24 @@ class Curve:
         Engineering strain (elongation over gauge length, a fraction), shape (n,).
     stress_MPa
         Nominal stress (force over the undeformed section), shape (n,).
-    time_s
-        Time from the first point, or None where it was not recorded.
     material
         What the specimen is made of, as the lab calls it.
     notes
         What was corrected or assumed on the way, one sentence each.
     mode
         ``uniaxial``, ``planar`` or ``equibiaxial``; in uniaxial compression strain and stress
-        are negative.
+        are negative. ``compression`` where nothing was pulled: they are sizes.
 
     Raises
     ------
     FileError
-        The arrays differ in length, hold NaN or infinity, have fewer than `MINIMUM_POINTS`
-        points, or time does not rise.
+        The arrays differ in length, hold NaN or infinity, or have fewer than `MINIMUM_POINTS`
+        points.
     """
 
     specimen: str
     strain: FloatArray
     stress_MPa: FloatArray
-    time_s: FloatArray | None = None
     material: str = ""
     notes: tuple[str, ...] = field(default=())
     mode: str = "uniaxial"
@@ -79,17 +76,14 @@ class Curve:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        freeze(self, "strain", "stress_MPa", "time_s")
+        freeze(self, "strain", "stress_MPa")
         columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
-        time = {} if self.time_s is None else {"time_s": self.time_s}
-        check_record(f"specimen {self.specimen}", columns | time)
+        check_record(f"specimen {self.specimen}", columns)
 
     def part(self, keep: slice | BoolArray, *notes: str, origin: float = 0.0) -> "Curve":
         """Return the points that are kept, strains counted from `origin`, with more notes."""
-        time = None if self.time_s is None else self.time_s[keep]
         strain, stress = self.strain[keep] - origin, self.stress_MPa[keep]
-        notes = (*self.notes, *notes)
-        return replace(self, strain=strain, stress_MPa=stress, time_s=time, notes=notes)
+        return replace(self, strain=strain, stress_MPa=stress, notes=(*self.notes, *notes))
 
 
 def check_record(where: str, columns: Mapping[str, FloatArray]) -> None:

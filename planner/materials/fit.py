@@ -45,8 +45,8 @@ __all__ = [
 # The points that a law is fitted to: every specimen counts once, whatever its sampling rate.
 
 
-LOADINGS = ("uniaxial", "planar", "equibiaxial")
-"""Loadings that a curve may be of (`Curve.mode`); of uniaxial compression strain is negative."""
+LOADINGS = ("uniaxial", "planar", "equibiaxial", "compression")
+"""Loadings that a curve may be of (`Curve.mode`)."""
 
 RELATIVE_FLOOR = 0.05
 """Share of the largest stress under which a relative residual stops growing: near zero stress
@@ -165,14 +165,16 @@ def _weights(specimen: IntArray, mode: IntArray) -> FloatArray:
 def sample_columns(law: SeparableLaw, sample: Sample, a: FloatArray) -> Columns:
     """Return a law's columns and their slopes at a sample's points, each in its own loading.
 
-    As `SeparableLaw.evaluate`. Equibiaxial loading to l is uniaxial loading to l^-2, with nominal
+    As `SeparableLaw.evaluate`. Of compression alone, sizes of strain and stress are uniaxial ones
+    with their signs turned. Equibiaxial loading to l is uniaxial loading to l^-2, with nominal
     stress -P(l^-2) / l^3.
     """
     if not sample.mode.any():
         return law.evaluate(sample.stretch, a)
-    planar, both = (sample.mode == LOADINGS.index(name) for name in LOADINGS[1:])
-    stretch = np.where(both, sample.stretch**-2.0, sample.stretch)
-    turn = np.where(both, -(sample.stretch**-3.0), 1.0)[:, None]
+    planar, both, pressed = (sample.mode == LOADINGS.index(name) for name in LOADINGS[1:])
+    uniaxial = np.where(pressed, 2.0 - sample.stretch, sample.stretch)
+    stretch = np.where(both, sample.stretch**-2.0, uniaxial)
+    turn = np.where(both, -(sample.stretch**-3.0), np.where(pressed, -1.0, 1.0))[:, None]
     found = [one * turn for one in law.evaluate(stretch, a)]
     of_planar = law.evaluate(sample.stretch[planar], a, planar=True)
     for one, other in zip(found, of_planar, strict=True):
@@ -1496,7 +1498,8 @@ def _beginning(curve: Curve) -> tuple[FloatArray, FloatArray, float]:
     toe = float(curve.strain[-1] - characterise.toe_compensated(curve).strain[-1])
     near = np.arange(len(curve.strain)) <= np.argmax(curve.stress_MPa)
     near &= curve.strain - curve.strain[0] <= toe + _SLACK_RANGE
-    if near.sum() < 3 * characterise.MINIMUM_POINTS or curve.strain[0] < 0.0:
+    few = near.sum() < 3 * characterise.MINIMUM_POINTS
+    if few or curve.strain[0] < 0.0 or curve.mode == "compression":
         near[:] = False
     x = curve.strain[near]
     return x, curve.stress_MPa[near], toe + 0.3 * float(np.max(x - toe, initial=0.0))
@@ -1568,8 +1571,18 @@ class MaterialFit:
 
     @property
     def elongation_at_break(self) -> float:
-        """Mean strain at break of the specimens."""
+        """Mean strain at break of the specimens; of compression, the mean largest strain."""
         return self.characteristics.spreads["elongation_at_break"].mean
+
+    @property
+    def compressed(self) -> bool:
+        """Whether the specimens were compressed, none pulled; their curves are sizes."""
+        return self.curves[0].mode == "compression"
+
+    def stress_MPa(self, strain: FloatArray) -> FloatArray:
+        """Return the law's nominal stress at strains, both sizes where it was compressed."""
+        sign = -1.0 if self.compressed else 1.0
+        return sign * make_law(self.law).nominal_stress_MPa(1.0 + sign * strain)
 
 
 def fit_material(
@@ -1598,13 +1611,18 @@ def fit_material(
     Raises
     ------
     ArgumentError
-        No law is stable over the working range, which goes to the mean elongation at break.
+        No law is stable over the working range, which goes to the mean elongation at break; or
+        what was compressed alone is plastic.
     FileError
         A curve that no figure can rest on.
     """
     if not 0.5 <= as_number(level, "`level`") < 1.0:
         raise ArgumentError(f"level {level:g}: it must be at least 0.5 and below 1, as 0.95")
     found = characterise_material(material, curves)
+    compressed, working = curves[0].mode == "compression", found.spreads["elongation_at_break"].mean
+    if compressed and found.deformation.kind == "plastic":
+        why = f"material {material}: compressed alone, and {found.deformation.reason}"
+        raise ArgumentError(f"{why}; add tensile tests, or leave it out by `leave_out`")
     notes = [note for c in found.specimens for note in c.notes if "not shifted" not in note]
     if found.deformation.kind == "plastic":
         fall = max(1.0 - float(c.stress_MPa[-1] / c.stress_MPa.max()) for c in curves)
@@ -1621,13 +1639,18 @@ def fit_material(
     notes = [note for note in notes if "strains count from" not in note]
     for curve, whole in zip(loaded, curves, strict=True):
         notes += curve.notes[len(whole.notes) :]
+    if compressed:
+        valid = f"its law is valid in compression to strain {working:.3g}"
+        unknown = "in tension nothing was measured: as much stands for its elongation at break"
+        advice = "add tensile tests if parts are pulled"
+        notes = [Caution(f"material {material}: compressed alone; {valid}; {unknown}; {advice}")]
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
-    working = found.spreads["elongation_at_break"].mean
     with refused(ArgumentError, f"material {material}", "{}", ArgumentError):
         choice = choose_law(laws, sample, working, starts=starts)
     chosen = choice.chosen
-    if chosen is not None and len({law.model for law in laws}) > 1 and not others:
+    pulled = not (others or compressed)
+    if chosen is not None and len({law.model for law in laws}) > 1 and pulled:
         scatter = scatter_of_fit(chosen.fit, sample)
         if scatter.misfit > _NOTABLE_MISFIT * scatter.between:
             bent = _plastic(found, curves, weighting, level)
@@ -1669,7 +1692,7 @@ def fit_material(
     secants = secant_intervals(chosen.fit, sample, (0.0, *characterise.SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
     ends, known = intervals(chosen.fit, sample, level), _scatter_known(sample)
-    if known and not others and np.isposinf(ends.c[:, 1]).any():
+    if known and pulled and np.isposinf(ends.c[:, 1]).any():
         notes.append(
             f"material {material}: tension bounds no modulus of {chosen.fit.name} from above: add "
             "equibiaxial tests, or compression to stretch 0.6"

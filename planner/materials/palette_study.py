@@ -218,12 +218,11 @@ def characterise(
     given = locals()
     study = read_study(**{name: given[name] for name in _READING})
     strains = SECANT_STRAINS if at_strain is None else tuple(np.atleast_1d(at_strain).tolist())
-    others = _other_modes(study)
     found = tuple(characterise_material(*of, secant_strains=strains) for of in study.groups.items())
     stated = _by_material(study, study.groups, "coordinate", None)
     slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     mixed = _mixed(_conditions(study), "figures of one material mix them")
-    notes = (*study.notes, *others, *mixed, *asked)
+    notes = (*study.notes, *_other_modes(study), *mixed, *asked)
     return Characterisation(found, notes, slips, study.groups, study.records, study.findings())
 
 
@@ -241,7 +240,7 @@ def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
         if not record.left_out and record.mode != "tension" and record.material not in used
     ]
     if not study.groups:
-        raise FileError("no curve to characterise: " + "; ".join(said))
+        raise FileError(f"no curve to characterise: {'; '.join(said)}; add tensile tests")
     return [Caution(one) for one in said]
 
 
@@ -452,7 +451,7 @@ def fit(
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
-    study, elsewhere = _at_one_temperature(study)
+    study, elsewhere = _at_one_temperature(_with_compressed(study))
     stated = _by_material(study, study.groups, "coordinate", coordinate)
     slips, asked = unit_slips(study, _compared(palette, printer, compare), stated)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
@@ -511,9 +510,22 @@ def fit(
     return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings, quadratic)
 
 
+def _with_compressed(study: Study) -> Study:
+    """Return a study with what was compressed alone among its groups, its curves as sizes."""
+    groups, others = dict(study.groups), dict(study.other_modes)
+    for material, curves in study.other_modes.items():
+        if material not in groups and all(curve.mode == "uniaxial" for curve in curves):
+            groups[material] = tuple(
+                replace(c, strain=-c.strain, stress_MPa=-c.stress_MPa, mode="compression")
+                for c in others.pop(material)
+            )
+    return replace(study, groups=groups, other_modes=others)
+
+
 def _source(fit: MaterialFit, weighting: str) -> str:
     limits = stability(make_law(fit.law), fit.elongation_at_break).limits
-    said = f"fitted to {fit.characteristics.n} tensile specimen(s), {weighting} residuals"
+    of = f"{fit.characteristics.n} {'compressed' if fit.compressed else 'tensile'} specimen(s)"
+    said = f"fitted to {of}, {weighting} residuals"
     return f"{said}; stable (Drucker) {', '.join(limits)} only" if limits else said
 
 

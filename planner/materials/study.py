@@ -351,24 +351,18 @@ class _Test:
         return f"; the file has {listed(said)}" if said else ""
 
     def time_s(self) -> FloatArray | None:
-        """Return the time, from 0 on; None where there is none, or it does not rise."""
-        if (time := self.columns.get("time_s")) is None:
-            return None
-        if len(back := np.flatnonzero(np.diff(time) <= 0.0)):
+        """Return the time; None where there is none, or it does not rise."""
+        time = self.columns.get("time_s")
+        if time is not None and len(back := np.flatnonzero(np.diff(time) <= 0.0)):
             line = self.record.table.lines[back[0] + 1]
             self.notes.append(
                 f"{self.where}: time does not rise at line {line} ({time[back[0]]:g} s to "
                 f"{time[back[0] + 1]:g} s); the time column is left out"
             )
             return None
-        if time[0] < 0.0:
-            self.notes.append(f"{self.where}: time starts at {time[0]:g} s; counted from there")
-            time = time - time[0]
         return time
 
-    def cross_check(
-        self, strain: FloatArray, stress_MPa: FloatArray, time_s: FloatArray | None
-    ) -> None:
+    def cross_check(self, strain: FloatArray, stress_MPa: FloatArray) -> None:
         """Compare what the file says twice: by its own columns, and by sizes and rate.
 
         Where strains differ by more than a third without a known reason that is noted.
@@ -379,7 +373,7 @@ class _Test:
             They differ by the factor of a known slip of units (within 10 %), or stresses by more
             than a third: a machine's section was not entered, or the stress is a true one.
         """
-        columns, sizes = self.columns, self.record.sizes
+        columns, sizes, time_s = self.columns, self.record.sizes, self.time_s()
         gauge_mm, area_mm2, rate_mm_s = sizes.gauge_mm, sizes.area_mm2, sizes.rate_mm_s
         twice: list[tuple[str, float, float]] = []
         if gauge_mm is not None and {"strain", "displacement_mm"} <= set(columns):
@@ -438,13 +432,12 @@ def _curve_of(name: str, record: "_Record", said: str, sure: bool) -> Curve:
             f"{where}: compressed by {float(strain.max()):.4g} of its length, which is more than "
             "all of it; check the unit of strain and the gauge length"
         )
-    time = test.time_s()
     unit_stated = not _states_no_strain_unit(table)
     _check_plausible(strain, stress, unit_stated=unit_stated, sure=sure, where=where)
-    test.cross_check(strain, stress, time)
+    test.cross_check(strain, stress)
     _check_rising(strain, stress, where=where)
     mode = "uniaxial" if said in ("", "tension", "compression") else said
-    curve = Curve(name, strain, stress, time, record.material, (*table.notes, *notes), mode)
+    curve = Curve(name, strain, stress, record.material, (*table.notes, *notes), mode)
     curve = characterise.without_tail(characterise.without_spikes(_from_rest(curve, where)))
     return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
 
@@ -877,9 +870,7 @@ def listed_files(files: Iterable[str | Path], specimens: str | Path | None) -> t
     found, listing = _files(files, None if specimens is None else Path(str(specimens)))
     if listing is None:
         return tuple(found)
-    rows = read_specimens(listing)
-    named = (listing.parent / row.file for row in rows if row.file)
-    return (listing, *_withlisted(found, rows, listing.parent), *named)
+    return (listing, *_withlisted(found, read_specimens(listing), listing.parent))
 
 
 def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:

@@ -378,6 +378,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
     left_out = [
         partial(_left_out, study, material, alone)
         for material in materials
+        if not study.fits[material.id].compressed
         if (alone := mixtures_without(study.palette, material)) is not None
     ]
     if left_out:
@@ -423,20 +424,19 @@ _RESIDUAL_HEIGHT = 64.0
 def _tests(
     study: PaletteStudy, material: Material, fit: MaterialFit, left: float, top: float
 ) -> Iterator[str]:
-    law = make_law(material.law)
     longest = max(float(curve.strain[-1]) for curve in fit.curves)
     strain = np.linspace(0.0, max(longest, material.elongation_at_break), _CURVE_POINTS)
-    stress = law.nominal_stress_MPa(1.0 + strain)
+    stress = fit.stress_MPa(strain)
     wide = np.exp(normal_quantile() * material.modulus_log_sd)
     largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
     # A law that fits badly has a band that would leave no room for the curves.
     highest = max(largest, float(stress.max())) * _headroom(len(fit.curves), _FIT_HEIGHT)
     chart = _fit_chart(left, top, float(strain[-1]), highest)
     r2 = "" if fit.uncertainty.r2 is None else f", R2 {fit.uncertainty.r2:.4f}"
-    heading = f"{material.id}: {fit.chosen_name}{r2}"
+    heading = f"{material.id}: {fit.chosen_name}{r2}{', compression' * fit.compressed}"
     predicted = _Predicted(strain, stress, stress / wide, stress * wide)
     yield from _prints_and_tests(chart, heading, predicted, fit.curves, "")
-    for one in fit.secants:
+    for one in () if fit.compressed else fit.secants:
         if one.strain > 0.0 and np.isfinite(one.high_MPa):
             ends = (one.strain * one.low_MPa, min(one.strain * one.high_MPa, highest))
             yield from _whisker(chart.x(one.strain), *(chart.y(end) for end in ends))
@@ -447,7 +447,7 @@ def _tests(
             y = study.quadratic.quadratics.model.literal_stress_MPa(material.coordinate, x)
             yield from _within(chart, x, y)
     yield from _specimen_key(chart, [curve.specimen for curve in fit.curves])
-    off = [c.stress_MPa - law.nominal_stress_MPa(1.0 + c.strain) for c in fit.curves]
+    off = [c.stress_MPa - fit.stress_MPa(c.strain) for c in fit.curves]
     errors = [100.0 * each / largest for each in off]
     reach = 1.1 * max(float(np.abs(error).max()) for error in errors) or 1.0
     foot = top + _FIT_HEIGHT + 46.0

@@ -119,18 +119,6 @@ def _powers(curve: LiteralCurve) -> np.ndarray:
     return np.array([curve.coordinate**2, curve.coordinate, 1.0])
 
 
-def test_a_curve_from_rest_is_refused() -> None:
-    with pytest.raises(ArgumentError, match=r"strain 0; eq\. 3\.8 diverges"):
-        LiteralCurve(0.5, np.array([0.0, 0.1]), np.array([0.0, 1.0]))
-
-
-def test_too_few_materials() -> None:
-    with pytest.raises(ArgumentError, match="2 different coordinates"):
-        algorithm_one([*CURVES[:2], CURVES[1]], PRINTED)
-    with pytest.raises(ArgumentError, match="2 different coordinates"):
-        quadratics_through([0.0, 1.0], TABLE[:2])
-
-
 def test_a_start_that_overflows() -> None:
     start = QuadraticCoefficients(((0.0, 0.0, 1e6),) * 6)
     with pytest.raises(ArgumentError, match="error at the start is not finite"):

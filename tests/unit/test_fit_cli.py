@@ -369,7 +369,45 @@ def test_pushes_given_as_pulls_are_doubted(capsys) -> None:
     assert "steepens" not in capsys.readouterr().err
 
 
-def test_compression_alone_is_refused(capsys) -> None:
+def write_compressed(material: str, mu: float, end: float = 0.4) -> None:
+    """Two specimens of a law, pressed; the second one is 4 % stiffer."""
+    squeeze = np.linspace(0.0, end, 60)
+    for number, factor in enumerate((1.0, 1.04), start=1):
+        stress = -factor * law_stress_MPa(OGDEN[1], np.array([2.5]), np.array([mu]), 1.0 - squeeze)
+        rows = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(squeeze, stress, strict=True))
+        Path(f"{material}-{number}.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}")
+
+
+def test_compression_alone_gives_the_law_back_and_says_its_range(capsys) -> None:
+    """It was refused, though a lab of soft elastomers may press alone."""
+    write_compressed("soft", 0.1)
+    write_compressed("firm", 0.3)
+    options = ["--mode", "compression", "--law", "ogden-1", "--no-compare", "--figure", "f.svg"]
+    assert run(["fit", *(f"{m}-{k}.csv" for m in ("soft", "firm") for k in (1, 2)), *options]) == 0
+    said = capsys.readouterr()
+    assert "valid in compression to strain 0.4; in tension nothing was measured" in said.err
+    palette = load_palette("palette.toml")
+    assert [material.id for material in palette.materials] == ["soft", "firm"]
+    for material, mu in zip(palette.materials, (0.1, 0.3), strict=True):
+        # Between the two specimens; the points are exact.
+        assert material.law.parameters["alpha"][0] == pytest.approx(2.5, rel=0.01)
+        assert material.law.parameters["mu_MPa"][0] == pytest.approx(1.02 * mu, rel=0.01)
+        assert material.elongation_at_break == pytest.approx(0.4)
+        assert "2 compressed specimen(s)" in material.source
+    assert "firm: ogden-1, R2 0.99" in Path("f.svg").read_text(encoding="utf-8")
+    assert "compression" in Path("f.svg").read_text(encoding="utf-8")
+    assert run(["materials", "--palette", "palette.toml"]) == 0
+
+
+def test_a_rigid_material_that_was_compressed_alone_is_refused(capsys) -> None:
+    write_compressed("rigid", 60.0, end=0.05)
+    assert run(["fit", "rigid-1.csv", "rigid-2.csv", "--mode", "compression"]) == 2
+    said = capsys.readouterr().err
+    assert "material rigid: compressed alone, and modulus" in said
+    assert "add tensile tests, or leave it out by --leave-out" in said
+
+
+def test_compression_that_nothing_says_is_refused(capsys) -> None:
     squeeze = np.linspace(0.0, 0.4, 60)
     stress = law_stress_MPa(OGDEN[1], np.array([2.5]), np.array([0.3]), 1.0 - squeeze)
     rows = "".join(f"{-e:.6f},{s:.6f}\n" for e, s in zip(squeeze, stress, strict=True))
