@@ -280,12 +280,16 @@ def export(
         Strain up to which CalculiX' laws follow the palette; by default 1.5 times what the part
         reaches under its loads, or the break.
     """
-    cli.check_targets(force=force, output=output)
-    _check_endings(output=(output, ".vtu" if to == "vtu" else ".inp"))
+    part, ending = Path(source), ".vtu" if to == "vtu" else ".inp"
+    if output is None and (part.is_dir() or part.suffix.casefold() == ".json"):
+        part = Path(planner.read_plan(source).part.file)
+    path = Path(part.stem + ending) if output is None else output
+    cli.check_targets(force=force, output=path)
+    _check_endings(output=(path, ending))
     with cli.progress() as stage:
         stage("filling the part with cells")
         model = cli.run(planner.export)
-    path = model.write(output, force=force)
+    model.write(path, force=force)
     if cli.in_words(model.json):
         _export_report(model)
         cli.say(f"wrote {path}")
@@ -295,19 +299,17 @@ def export(
 def _export_report(model: "planner.Export") -> None:
     cli.tell_notes(model.notes)
     columns = ["material", ">coordinate", ">modulus MPa", ">cells", ">volume mm3"]
+    of_law = [">law", ">to strain", ">off by"] if model.to == "calculix" else []
     rows = []
     for made in model.materials:
-        sizes = [str(made.cells), format_number(made.volume_mm3, 4)]
-        rows.append([made.name, f"{made.coordinate:.4g}", format_number(made.modulus_MPa), *sizes])
-    if model.to == "calculix":
-        columns += [">law", ">to strain", ">off by"]
-        for made, row in zip(model.materials, rows, strict=True):
-            to = "-" if made.to_strain is None else f"{made.to_strain:.3g}"
-            off = "-" if made.fit_error is None else f"{made.fit_error:.1%}"
-            row += [made.law or "-", to, off]
+        figures = [f"{made.coordinate:.4g}", format_number(made.modulus_MPa), str(made.cells)]
+        to = "-" if made.to_strain is None else f"{made.to_strain:.3g}"
+        off = "-" if made.fit_error is None else f"{made.fit_error:.1%}"
+        law = [made.law or "-", to, off][: len(of_law)]
+        rows.append([made.name, *figures, format_number(made.volume_mm3, 4), *law])
     of = f"{model.cells} cells of {sized(model.cell_mm, '.3g')} mm, {model.nodes} nodes"
     title = f"{model.name}: {of}, volume {model.volume_error:+.1%}"
-    cli.print_table(columns, rows, title=title)
+    cli.print_table([*columns, *of_law], rows, title=title)
 
 
 # ------------------------------------------------------------------------------------------------

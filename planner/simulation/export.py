@@ -293,20 +293,16 @@ class Export:
         """Volume of the cells over the part's, less 1."""
         return self.volume_mm3 / self.part_mm3 - 1.0
 
-    @property
-    def file_name(self) -> str:
-        """What the file is called where nothing else is said."""
-        return f"{Path(self.name).stem}.{'vtu' if self.to == 'vtu' else 'inp'}"
-
     def write(self, output: str | Path | None = None, *, force: bool = False) -> Path:
-        """Write the file, whole or not at all; return its path.
+        """Write the file, <part>.inp or .vtu by default, whole or not at all; return its path.
 
         Raises
         ------
         OutputError
             It is there and `force` is not set, or it cannot be written.
         """
-        path = Path(self.file_name if output is None else output)
+        own = f"{Path(self.name).stem}.{'vtu' if self.to == 'vtu' else 'inp'}"
+        path = Path(own if output is None else output)
         check_absent(path, force=force)
         write_whole(path, self.data)
         return path

@@ -584,7 +584,7 @@ class Mechanics:
         self,
         state: Equilibrium,
         share: float,
-        progress: Progress | None = None,
+        progress: Progress = lambda share, iteration, residual: None,
         into: Factor | None = None,
         *,
         near: bool = False,
@@ -612,8 +612,7 @@ class Mechanics:
         for iteration in range(1, _MOST_ITERATIONS + 1):
             residual, size = self._assembled(Equilibrium(share, u, strain, stress, pressure), share)
             error = float(np.linalg.norm(residual)) / max(size, 1e-300)
-            if progress is not None:
-                progress(share, iteration, error)
+            progress(share, iteration, error)
             at_rest = iteration == 1 and not u.any()
             is_last = iteration > 1 and error <= settled
             kept = factored is not None and ((near and iteration == 1) or (is_last and not tangent))
@@ -646,7 +645,7 @@ class Mechanics:
     def follow(
         self,
         shares: Sequence[float],
-        progress: Progress | None = None,
+        progress: Progress = lambda share, iteration, residual: None,
         *,
         settled: float = _SETTLED,
         tangents: bool = True,

@@ -220,6 +220,25 @@ def test_mixtures_of_dithered_cells_are_binned(plan):
     assert made.document()["cells"] == 16 * 16 * 80
 
 
+@pytest.mark.parametrize("of_plan", [True, False])
+def test_the_file_by_default_is_looked_at_before_the_work(
+    plan, tmp_path, monkeypatch, capsys, of_plan
+):
+    """It was refused once the cells were filled, which may take minutes."""
+    monkeypatch.chdir(tmp_path)
+    source = Path("box.stl")
+    trimesh.creation.box((4.0, 2.0, 1.0)).export(source)
+    options = [] if of_plan else ["--material", "FLX9760"]
+    if of_plan:
+        source = plan.write("graded")
+    target = Path(f"{Path(plan.part.file).stem if of_plan else 'box'}.inp")
+    target.write_text("mine")
+    monkeypatch.setattr(planner, "export", None)  # no work is begun
+    assert run(["export", str(source), "--to", "abaqus", *options]) == 2
+    assert f"{target}: exists already; replace it with --force" in capsys.readouterr().err
+    assert target.read_text() == "mine"
+
+
 def test_a_file_of_another_kind_is_not_called_so(tmp_path, capsys):
     assert run(["export", "here", "--to", "vtu", "-o", str(tmp_path / "part.inp")]) == 2
     assert "its ending must be .vtu" in capsys.readouterr().err
