@@ -221,14 +221,12 @@ def design(
     from planner.gap.campaign_folder import specimens_csv
     from planner.gap.effects import EFFECTS
 
-    listed = output.suffix.casefold() == ".csv"
-    if listed:
-        asked = {id.strip() for id in effects.split(",")}
-        if any("bars" in EFFECTS[id].changes for id in asked & EFFECTS.keys()):
-            raise ArgumentError(
-                f"{output}: these effects may take graded bars, whose designs are files of their "
-                "own; name a folder with --output"
-            )
+    listed, asked = output.suffix.casefold() == ".csv", {id.strip() for id in effects.split(",")}
+    if listed and any("bars" in EFFECTS[id].changes for id in asked & EFFECTS.keys()):
+        raise ArgumentError(
+            f"{output}: these effects may take graded bars, whose designs are files of their own; "
+            "name a folder with --output"
+        )
     cli.check_targets(force=False, output=output if listed else (output, None))
     with cli.progress() as stage:
         made = cli.run(planner.design_campaign, progress=stage)
@@ -236,8 +234,7 @@ def design(
         write_whole(output, specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
-    said = {"schema": 1, "written": output.name}
-    if cli.in_words(lambda: {**said, **made.document()}):
+    if cli.in_words(lambda: {"schema": 1, "written": output.name, **made.document()}):
         _design_report(made, output, printer, palette, listed=listed)
     return 0 if made.ok else 1
 

@@ -82,3 +82,24 @@ def test_a_plan_has_pictures_and_its_3mf_a_thumbnail(tmp_path) -> None:
     assert len(read_threemf(folder / "part.3mf").objects) == len(plan.shells)
     assert planner.check(folder).ok
     assert plan.write(tmp_path / "out", force=True) == folder
+
+
+@pytest.mark.parametrize("along", ["y", "x"])
+def test_rows_of_bodies_are_cut_and_not_what_is_between(along: str) -> None:
+    """A plane through the middle of two blocks took one off and left the other whole."""
+    long = m3.Manifold.cube([40.0, 8.0, 8.0], center=True)
+    core = m3.Manifold.cube([30.0, 4.0, 4.0], center=True)
+    turn = 0.0 if along == "y" else 90.0
+    places = [(0.0, -10.0, 0.0), (0.0, 10.0, 0.0)]
+    shell, cores = (
+        m3.Manifold.batch_boolean([one.translate(at) for at in places], m3.OpType.Add)
+        for one in (long - core, core)
+    )
+    solids = [(_mesh(shell.rotate([0, 0, turn])), SHELL), (_mesh(cores.rotate([0, 0, turn])), CORE)]
+    pixels = _pixels(solids, cut_open=True)
+    inner = (pixels == [255, 0, 0, 255]).all(axis=2).sum()
+    # The front one is cut: a face of 30 by 4 in one of 40 by 8; the other stands behind it, whole.
+    faces = (pixels == [0, 0, 255, 255]).all(axis=2).sum()
+    assert inner / (inner + faces) == pytest.approx(120 / 320, rel=0.1)
+    shaded = (pixels[..., 3] == 255) & (pixels[..., 2] < 255) & (pixels[..., 0] == 0)
+    assert shaded.sum() > 200
