@@ -628,7 +628,7 @@ def write_slices(
     scheduler: str | None = None,
     slab_layers: int | None = None,
     force: bool = False,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> SliceStack:
     """Write a plan as the printer's own layers: one PNG a layer, one colour a material.
 
@@ -681,6 +681,7 @@ def write_slices(
             f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
             "another folder with `output`"
         )
+    tell = progress or (lambda done, of: None)
     source = _open_shells(plan, pitch_mm, printer)
     colours = _distinct_colours([shell.colour for shell in source.shells])
     kind = ImageKind(colours, indexed, source.grid.pitch_mm[:2])
@@ -698,7 +699,7 @@ def write_slices(
             overlapping += slab.overlapping
             open_rows += slab.open_rows
             done += len(slab.images)
-            progress(done, layers)
+            tell(done, layers)
         totals = voxels.sum(axis=0).tolist()
         stack = SliceStack(
             version=__version__,

@@ -151,7 +151,7 @@ def grade(
     name: str | None = None,
     coupons: bool = False,
     force_oversize: bool = False,
-    progress: Callable[[str], None] = lambda stage: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Plan:
     """Plan the print of a part whose stiffness follows a gradient.
 
@@ -259,7 +259,8 @@ def grade(
     limit = _tolerated_ratio(wish.tolerance)
     farthest_mm = snap_limit_mm(snap_mm, machine)
 
-    progress("reading the part")
+    tell = progress or (lambda stage: None)
+    tell("reading the part")
     source = open_part(
         part, unit=wish.unit, name=name, tray_mm=machine.tray_mm, bodies=bodies,
         oversize=force_oversize,
@@ -275,10 +276,10 @@ def grade(
     if wish.field is None:
         along: Field = axis_field(wish.axis, mesh)
     else:
-        progress("building the field")
+        tell("building the field")
         along = build_field(wish.field, Setting(mesh, as_point(translation), pitch_mm))
 
-    progress("cutting the shells")
+    tell("cutting the shells")
     design = _design_pieces(
         by, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
     )
@@ -295,7 +296,7 @@ def grade(
     shells = tuple(shells_of(pieces, design.printed, scale, machine, source.name))
     regions = tuple(design.regions(pieces, shells, scale))
 
-    progress("looking for what will not print")
+    tell("looking for what will not print")
     cut = CutPart(mesh, along, pieces, pitch_mm, within_mm, as_point(translation), np.empty(0))
     printing, findings, cautions = design.held(cut, shells, scale, machine)
     known = (*_idle(stated.pitch_mm, along, regions, target, scale), *_remarks(scale, regions))
@@ -335,7 +336,7 @@ def grade(
         unreachable=_unreachable(target, scale),
         shells=shells,
     )
-    progress("verifying the shells")
+    tell("verifying the shells")
     return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
 
 

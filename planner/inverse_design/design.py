@@ -1,6 +1,7 @@
 """Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -284,7 +285,7 @@ def design(
     bodies: str | None = None,
     name: str | None = None,
     force_oversize: bool = False,
-    progress: Callable[[str], None] = lambda stage: None,
+    progress: Callable[[str], None] | None = None,
 ) -> PartDesign:
     """Find the gradient with which a part deforms as wanted, and plan its print.
 
@@ -402,7 +403,8 @@ def design(
     scale = stiffness_scale(chosen, at_strain)
     ends, _, _ = targets_of(Wish(start=from_, end=to, profile="log"), scale)
     low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
-    progress(DesignStage("reading the part", 0.0))
+    tell = progress or (lambda stage: None)
+    tell(DesignStage("reading the part", 0.0))
     mesh = open_part(
         part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies, oversize=force_oversize
     ).mesh
@@ -417,7 +419,7 @@ def design(
     effort = check_effort(mesh, edge, **work)
     # What is wrong is told before the work.
     posed(cases, wanted, halve_long_edges(mesh, 0.5 * edge)[0])
-    progress(DesignStage("loading the solver", 0.0))
+    tell(DesignStage("loading the solver", 0.0))
     from planner.inverse_design.printing import Printing, corrected
     from planner.inverse_design.search import DesignProblem, WantedOfPart
     from planner.materials.marlow import marlow_table
@@ -442,16 +444,16 @@ def design(
 
     def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
         words = f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}"
-        progress(DesignStage(words, done))
+        tell(DesignStage(words, done))
         on_cells = asked.cut(size_mm, float(stiffness.coordinates(np.array([0.5]))[0][0]), before)
         return DesignProblem(stiffness, controls, on_cells, limits, prefer, 0.3 * tolerance, normal)
 
     begun = _begun(start, len(controls.even))
     found, larger, reach = _searched(
-        problem_on, edge, mesh, begun, tolerance, progress, is_lattice=free is not None
+        problem_on, edge, mesh, begun, tolerance, tell, is_lattice=free is not None
     )
     best, problem, dithered = found.best, found.problem, blend == "dither"
-    progress(DesignStage("planning the print", 0.7))
+    tell(DesignStage("planning the print", 0.7))
     problem_mm = float(problem.cases[0].cells.cell_mm.max()) if found.stopped else edge
     graded = partial(
         grade, part, axis=axis, field=field, blend=blend, at_strain=at_strain, printer=machine,
@@ -463,7 +465,7 @@ def design(
     )  # fmt: skip
 
     def corrects(off: float) -> None:
-        progress(DesignStage(f"printed materials: off by {in_percent(off)}", 0.8))
+        tell(DesignStage(f"printed materials: off by {in_percent(off)}", 0.8))
 
     printed, prints, stopped = corrected(printing, stopped=found.stopped, progress=corrects)
     tried = found.tried + prints
@@ -484,7 +486,7 @@ def design(
             "squared deviation over 0.3 of the tolerance 20"
         )
     if steps:
-        progress(DesignStage("from rest to full load, for the page", 0.9))
+        tell(DesignStage("from rest to full load, for the page", 0.9))
     coordinate, _ = stiffness.coordinates(larger.basis @ printed.values)
     courses = zip(larger.cases, printed.solved, strict=True) if steps else ()
     profile, _, table = printing.laid(printed.values)
@@ -564,10 +566,8 @@ def _searched(
         problem: "DesignProblem", start: FloatArray, tolerance: float, **more: Any
     ) -> "Found":
         for stiffer in (0.0, 0.5, 0.75, 1.0):
-            try:
+            with suppress(LostStabilityError):
                 return search(problem, np.maximum(start, stiffer), tolerance=tolerance, **more)
-            except LostStabilityError:
-                continue
         raise ArgumentError(
             "the part has no stable equilibrium under these loads even in the stiffest material; "
             "take smaller loads"

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -500,20 +501,18 @@ def _model_without(
         return None
     kept = [curve for k, curve in enumerate(curves) if k != out]
     own = [fit.c for k, fit in enumerate(fits) if k != out]
-    try:
+    with suppress(ArgumentError):
         return algorithm_one(kept, quadratics_through([c.coordinate for c in kept], own)).model
-    except ArgumentError:
-        return None
+    return None
 
 
 def mixtures_without(palette: Palette, material: Material) -> CoefficientModel | None:
     """Return the mixtures without a material; None at an end, or where the others' laws cross."""
     if material in (palette.materials[0], palette.materials[-1]):
         return None
-    try:
+    with suppress(PaletteError):
         return without(palette, material.id)
-    except PaletteError:
-        return None
+    return None
 
 
 def _falls_at(

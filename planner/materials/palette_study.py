@@ -388,7 +388,7 @@ def fit(
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     compare: bool = True,
-    progress: Callable[[str], None] = lambda stage: None,
+    progress: Callable[[str], None] | None = None,
 ) -> PaletteStudy:
     """Fit laws to tensile tests, choose one a material, and make a palette with intervals.
 
@@ -450,6 +450,7 @@ def fit(
     as_count(starts, "`starts`", 2000)
     if coefficients not in (None, "quadratic"):
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
+    tell = progress or (lambda stage: None)
     laws = candidate_laws(law)
     study, elsewhere = _at_one_temperature(_with_compressed(study))
     stated = _by_material(study, study.groups, "coordinate", coordinate)
@@ -457,7 +458,7 @@ def fit(
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
-        progress(f"fitting {called}")
+        tell(f"fitting {called}")
         fits[called] = fitted = fit_material(
             called, curves, laws, others=study.other_modes.get(called, ()), weighting=weighting,
             starts=starts, level=level,
@@ -505,7 +506,7 @@ def fit(
         problem = str(error)
     quadratic = None
     if coefficients is not None:
-        progress("running Algorithm 1")
+        tell("running Algorithm 1")
         quadratic = quadratic_study(fitted_palette, by_id, level)
     return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings, quadratic)
 

@@ -202,11 +202,11 @@ def draw(value: Any, ax: "Axes | None") -> "Axes":
         matplotlib is not installed.
     """
     if ax is None:
-        needed = "plots need matplotlib"
-        with refused(ArgumentError, needed, "pip install matplotlib ({})", ImportError):
+        with refused(ArgumentError, "no matplotlib", "pip install matplotlib ({})", ImportError):
             pyplot: Any = import_module("matplotlib.pyplot")
         _, ax = pyplot.subplots(layout="constrained")
-        assert ax is not None
+    if not hasattr(ax, "fill_between"):
+        raise ArgumentError(f"`ax` {ax!r}: give axes of matplotlib, or none")
     _draw(value, ax)
     if not isinstance(value, Diagnosis):  # whose bars have names beside them
         ax.legend()

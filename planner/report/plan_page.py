@@ -147,11 +147,10 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    if isinstance(plan, (Plan, str, Path)):
-        source, courses = _source_of(plan), tuple["Course", ...]()
-    else:
-        missed = tuple(found.message for found in plan.findings)
-        source, courses = replace(_source_of(plan.plan), missed=missed), plan.courses
+    given: Any = plan
+    source, courses = _source_of(getattr(given, "plan", given)), getattr(given, "courses", ())
+    if hasattr(given, "plan"):  # a design
+        source = replace(source, missed=tuple(found.message for found in given.findings))
     made = page.encode_page(
         f"{source.plan.part.file}: plan", _body(source, courses), styles=["plan.css"],
         scripts=["page.js", "figure.js", *(["course.js"] if courses else ())],

@@ -638,7 +638,7 @@ def simulate_part(
     bodies: str | None = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
-    progress: Callable[[str], None] = lambda stage: None,
+    progress: Callable[[str], None] | None = None,
 ) -> tuple[PartSimulation, ...]:
     """Load a whole part, a solid that may bend: how each place of it moves and strains.
 
@@ -684,7 +684,8 @@ def simulate_part(
     steps = as_count(steps, "`steps`", _MOST_STEPS)
     level = as_number(level, "`level`", (0.0, 1.0))
     several = len(cases) > 1
-    progress("reading the part")
+    tell = progress or (lambda stage: None)
+    tell("reading the part")
     solid = open_solid(source, material, unit, printer, palette, bodies)
     densities = palette_densities(solid.palette, cases)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
@@ -696,7 +697,7 @@ def simulate_part(
         return [_conditions(surface, case) for case in cases]
 
     conditions(halve_long_edges(solid.surface, 0.5 * edge)[0])
-    progress("loading the solver")
+    tell("loading the solver")
     from planner.materials.marlow import marlow_table
     from planner.simulation.response import respond
     from planner.simulation.solid import Body, Mechanics
@@ -706,10 +707,10 @@ def simulate_part(
     table = marlow_table(model)
 
     def prepared(edge_mm: float, shift: float = 0.0) -> "tuple[list[Mechanics], str]":
-        progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
+        tell(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
         cells, coordinate = solid.cut(edge_mm, shift=shift)
         body = Body(cells, table, coordinate, densities=densities)
-        progress(f"ordering {3 * len(cells.node_mm)} equations")
+        tell(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
         needed = work["factors"] * analysis.factor_bytes + analysis.work_bytes
         needed += 8 * 6 * 27**2 * len(cells.nodes)
@@ -720,7 +721,7 @@ def simulate_part(
         return [one, *(Mechanics(body, o, analysis, like=one, rests=rests) for o in others)], takes
 
     def told(share: float, k: int, residual: float) -> None:
-        progress(f"load {share:.3g}: iteration {k}, residual {residual:.1e}; all takes {effort}")
+        tell(f"load {share:.3g}: iteration {k}, residual {residual:.1e}; all takes {effort}")
 
     solved, effort = prepared(edge)
     found = [respond(one, model, steps=steps, level=level, progress=told) for one in solved]

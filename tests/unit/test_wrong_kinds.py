@@ -76,3 +76,21 @@ def test_a_figure_that_is_rounded_up_to_a_power_of_ten_keeps_its_digits() -> Non
     assert [format_number(v) for v in (9.996, 99.96, 0.09996, -9.996, 9.994)] == [
         "10.0", "100", "0.100", "-10.0", "9.99",
     ]  # fmt: skip
+
+
+def test_a_page_and_a_plot_say_what_they_take() -> None:
+    """They ended in an AttributeError."""
+    with pytest.raises(ArgumentError, match=r"plan 3: give a plan\.json, its folder or a planner"):
+        planner.plan_page(3)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="`ax` 3: give axes of matplotlib, or none"):
+        SCALE.plot(3)  # type: ignore[arg-type]
+
+
+def test_no_progress_is_none(tmp_path: Path) -> None:
+    """None was called."""
+    corners = np.array([[0, 0, 0], [40, 0, 0], [0, 40, 0], [0, 0, 40]], dtype=float)
+    faces = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    plan = planner.grade((corners, faces), from_="Tango", to="Vero", progress=None)
+    folder = plan.write(tmp_path / "plan")
+    assert not planner.check(folder, progress=None).problems
+    planner.write_slices(folder, tmp_path / "slices", pitch_mm=1.0, progress=None)
