@@ -1640,10 +1640,9 @@ def fit_material(
     for curve, whole in zip(loaded, curves, strict=True):
         notes += curve.notes[len(whole.notes) :]
     if compressed:
-        valid = f"its law is valid in compression to strain {working:.3g}"
+        valid = f"compressed alone; its law is valid in compression to strain {working:.3g}"
         unknown = "in tension nothing was measured: as much stands for its elongation at break"
-        advice = "add tensile tests if parts are pulled"
-        notes = [Caution(f"material {material}: compressed alone; {valid}; {unknown}; {advice}")]
+        notes = [Caution(f"material {material}: {valid}; {unknown}; pull it, too, if parts are")]
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     with refused(ArgumentError, f"material {material}", "{}", ArgumentError):

@@ -880,8 +880,8 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
     >>> Path("laws.csv").write_bytes(tables["laws.csv"])  # doctest: +SKIP
     """
     check_kind(study, PaletteStudy, "what `planner.fit` returns")
-    materials = study.palette.materials
-    found = Characterisation(tuple(study.fits[m.id].characteristics for m in materials))
+    fits = (study.fits[m.id] for m in study.palette.materials)
+    found = Characterisation(tuple(fit.characteristics for fit in fits if not fit.compressed))
     tables = {"laws.csv": _laws(study), "r2.csv": _r2(study)}
     if study.quadratic is not None:
         tables["coefficients.csv"] = _coefficients(study.quadratic)

@@ -168,7 +168,8 @@ def _against_palette(study: Study, palette: Palette) -> tuple[bool, str]:
     """
     elastic = [m for m in palette.materials if m.deformation == "elastic"]
     named = {n.casefold(): m for m in elastic for n in (m.id, *m.aliases)}
-    if not (called := [name for name in study.groups if name.casefold() in named]):
+    pulled = (name for name, curves in study.groups.items() if curves[0].mode == "uniaxial")
+    if not (called := [name for name in pulled if name.casefold() in named]):
         return False, ""
     known = [named[name.casefold()] for name in called]
     coordinate = np.array([material.coordinate for material in known])

@@ -399,6 +399,16 @@ def test_compression_alone_gives_the_law_back_and_says_its_range(capsys) -> None
     assert run(["materials", "--palette", "palette.toml"]) == 0
 
 
+def test_compression_is_not_held_against_a_palette_of_tension(tmp_path: Path, capsys) -> None:
+    """Its secants are larger: that was taken for another unit."""
+    write_compressed("TangoPlus", 1.6)
+    files = ["TangoPlus-1.csv", "TangoPlus-2.csv"]
+    assert run(["fit", *files, "--mode", "compression", "--law", "ogden-1", "--tables", "t"]) == 0
+    assert "taken for" not in capsys.readouterr().err
+    # Figures of tension are none of compression.
+    assert not Path("t/characteristics.csv").read_text().strip()
+
+
 def test_a_rigid_material_that_was_compressed_alone_is_refused(capsys) -> None:
     write_compressed("rigid", 60.0, end=0.05)
     assert run(["fit", "rigid-1.csv", "rigid-2.csv", "--mode", "compression"]) == 2
