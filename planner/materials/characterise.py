@@ -383,7 +383,7 @@ def _linear_part(curve: Curve) -> LinearPart:
             f"{x[start]:.4g}; check the columns, or cut the record before the loading"
         )
     toe = 0.0
-    if kind == "line":
+    if kind == "line" and curve.mode != "compression":  # which steepens, so that all have a zero
         front = x < zero
         # On the line itself, they show a load that was not zeroed, and no toe.
         above = y[front] - modulus * (x[front] - zero)

@@ -1640,9 +1640,9 @@ def fit_material(
     for curve, whole in zip(loaded, curves, strict=True):
         notes += curve.notes[len(whole.notes) :]
     if compressed:
-        valid = f"compressed alone; its law is valid in compression to strain {working:.3g}"
+        valid = f"material {material}: compressed alone; its law is valid in compression to strain"
         unknown = "in tension nothing was measured: as much stands for its elongation at break"
-        notes = [Caution(f"material {material}: {valid}; {unknown}; pull it, too, if parts are")]
+        notes = [Caution(f"{valid} {working:.3g}; {unknown}; add tensile tests if it is pulled")]
     ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
     sample = sample_of([*loaded, *ends_at], weighting=weighting)
     with refused(ArgumentError, f"material {material}", "{}", ArgumentError):

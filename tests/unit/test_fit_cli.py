@@ -409,6 +409,16 @@ def test_compression_is_not_held_against_a_palette_of_tension(tmp_path: Path, ca
     assert not Path("t/characteristics.csv").read_text().strip()
 
 
+def test_strain_of_compression_counts_from_its_beginning(capsys) -> None:
+    """A curve that steepens has a tangent that meets zero behind: that was taken for a toe."""
+    squeeze = np.linspace(0.0, 0.3, 60)
+    stress = 0.02 * squeeze + 4.0 * np.maximum(squeeze - 0.05, 0.0)
+    rows = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(squeeze, stress, strict=True))
+    Path("A.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}")
+    run(["fit", "A.csv", "--mode", "compression", "--law", "ogden-1", "--no-compare"])
+    assert "valid in compression to strain 0.3;" in capsys.readouterr().err
+
+
 def test_a_rigid_material_that_was_compressed_alone_is_refused(capsys) -> None:
     write_compressed("rigid", 60.0, end=0.05)
     assert run(["fit", "rigid-1.csv", "rigid-2.csv", "--mode", "compression"]) == 2
