@@ -89,7 +89,7 @@ def morph(source: _Bits, lines: IntArray, dilate: bool, within: _Bits) -> _Bits:
     within
         A set; words in which it has nothing stay empty.
     """
-    out = np.zeros_like(source)
+    out = np.zeros(source.shape, np.uint64)
     flip = ~np.uint64(0) if dilate else np.uint64(0)
     reach = int(lines[:, 2].max())
     # Of rows about the present one: eroded along their columns by 0, 1, ... steps.
@@ -150,8 +150,7 @@ def grow(grown: _Bits, within: _Bits, steps: int) -> int:
     beginning with the 6: an octagonal ball whose radius is true to 13 %.
     """
     columns, words = grown.shape[1:]
-    place = np.flatnonzero(within & ~grown)
-    value = np.empty(len(place), np.uint64)
+    place, value = np.empty(grown.size, np.int64), np.empty(grown.size, np.uint64)
     return int(_grow(grown.ravel(), within.ravel(), columns * words, words, steps, place, value))
 
 
@@ -160,8 +159,11 @@ def _grow(
     grown: Any, within: Any, row: Any, column: Any, steps: Any, place: Any, value: Any
 ) -> Any:
     # A set's words one after the other, with so many to the next row and column.
-    one, top = np.uint64(1), np.uint64(63)
-    todo = place.size
+    one, top, todo = np.uint64(1), np.uint64(63), 0
+    for at in range(grown.size):
+        if within[at] & ~grown[at] != 0:
+            place[todo] = at
+            todo += 1
     for step in range(steps):
         for i in range(todo):
             at = place[i]
@@ -405,6 +407,10 @@ def _surely_sound(mesh: Mesh, limit_mm: float) -> bool:
     return True
 
 
+_Window = tuple[int, int, int, tuple[_Bits, ...]]
+"""First and last row of interest, the window's own first row, and its sets."""
+
+
 def _places_in(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> list[_Place]:
     """Return the places of a set that the raster's ball does not reach.
 
@@ -420,25 +426,28 @@ def _places_in(words: Iterator[tuple[_Bits, ...]], raster: Raster) -> list[_Plac
     """
     halo = 2 * raster.reach + 1  # rows that bear on a slab, once it is opened
     slabs = _windows(_opened(words, raster), raster, halo)
-    found = [_thin_runs(sets, first, last, low, raster) for first, last, low, sets in slabs]
+    # New memory costs as much as a pass over it.
+    scratch = [empty_set(raster.slab_rows + 2 * halo, *raster.grid.shape[::2]) for _ in range(3)]
+    found = [_thin_runs(window, raster, scratch) for window in slabs]
     return _gather(np.concatenate(found), raster.radius)
 
 
-def _thin_runs(
-    sets: tuple[_Bits, ...], first: int, last: int, low: int, raster: Raster
-) -> IntArray:
-    # runs of places in rows first to last, as `_gather` takes them; rows of the sets begin at low
-    region, opened = sets
-    reached = opened.copy()
-    if not grow(reached, region, raster.reach):
+def _thin_runs(window: _Window, raster: Raster, scratch: list[_Bits]) -> IntArray:
+    # runs of places in a window's rows of interest, as `_gather` takes them
+    first, last, low, (region, opened) = window
+    core, place, other = (each[: len(region)] for each in scratch)
+    core[...] = opened
+    if not grow(core, region, raster.reach):
         return np.empty((0, 9), np.int32)
-    core = ~reached & region
-    place = core.copy()
-    grow(place, ~opened & region, raster.reach)
+    np.bitwise_and(np.invert(core, out=core), region, out=core)
+    place[...] = core
+    np.bitwise_and(np.invert(opened, out=other), region, out=other)
+    grow(place, other, raster.reach)
     runs = _runs_of(place, first - low, last - low)
-    beside = ~place & region
-    grow(beside, region, 2)
-    touching = _members(runs, place & beside)[:, 0] >= 0
+    np.bitwise_and(np.invert(place, out=other), region, out=other)
+    grow(other, region, 2)
+    other &= place
+    touching = _members(runs, other)[:, 0] >= 0
     counting = _members(runs, core)
     depth, voxel = _deepest(runs, region, core, raster.radius)
     runs[:, 0] += low
@@ -488,19 +497,25 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
     return places
 
 
-def _windows(
-    chunks: Iterator[tuple[_Bits, ...]], raster: Raster, halo: int
-) -> Iterator[tuple[int, int, int, tuple[_Bits, ...]]]:
-    # slabs with a halo: rows first to last of interest, the window's first row, and its sets
-    rows = raster.grid.shape[1]
-    held, base = next(chunks), 0
+def _windows(chunks: Iterator[tuple[_Bits, ...]], raster: Raster, halo: int) -> Iterator[_Window]:
+    # slabs with a halo
+    rows, base, top = raster.grid.shape[1], 0, 0
+    held = list[_Bits]()
     for first in range(0, rows, raster.slab_rows):
         last = min(first + raster.slab_rows, rows)
         low, high = max(first - halo, 0), min(last + halo, rows)
-        held = tuple(part[low - base :] for part in held)
+        for part in held:  # each in one piece, or numpy would copy it aside first
+            kept = part[low - base : top - base].reshape(-1)
+            part.reshape(-1)[: kept.size] = kept
         base = low
-        while base + len(held[0]) < high:
-            held = tuple(np.concatenate(both) for both in zip(held, next(chunks), strict=True))
+        while top < high:
+            chunk = next(chunks)
+            if not held:
+                most = 2 * (raster.slab_rows + halo)
+                held = [np.empty((most, *part.shape[1:]), np.uint64) for part in chunk]
+            for part, more in zip(held, chunk, strict=True):
+                part[top - base : top - base + len(more)] = more
+            top += len(chunk[0])
         yield first, last, low, tuple(part[: high - low] for part in held)
 
 
@@ -532,20 +547,15 @@ def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[_Bits, ...]]:
     along, grid = mesh.vertices.take(raster.order, axis=1), raster.grid
     faces = np.ascontiguousarray(mesh.faces[:, ::way])
     corners = (along - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
-    # rows are below 2^14: sorting whole ones takes a few passes over them
     rows = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16).take(faces.T)
-    first = rows.min(axis=0)
-    order = np.argsort(first, kind="stable").astype(np.int32)
-    last = np.maximum.accumulate(rows.max(axis=0)[order])
-    first = first[order]
+    lowest, highest = rows.min(axis=0), rows.max(axis=0)
     slabs = columns_of(snap(along, grid), faces, grid, slab_rows=raster.slab_rows, shortest=1)
     nothing = empty_set(_BESIDE, grid.shape[0], grid.shape[2])
     before, start = nothing, 0
     for held, after in pairwise(chain(map(_words_drawn, slabs), [nothing])):
         beside = np.concatenate([after[:_BESIDE], nothing[len(after) :]])
         stop = start + len(held)
-        low = int(np.searchsorted(last, start - _BESIDE))
-        near = order[low : np.searchsorted(first, stop + _BESIDE, side="right")]
+        near = np.flatnonzero((highest >= start - _BESIDE) & (lowest <= stop + _BESIDE))
         drawn = np.concatenate([before, held, beside])
         side, at = np.empty((2, 3))
         _sheets(corners, faces, near, start, drawn, held, side, at)
