@@ -315,9 +315,9 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     normal, slopes = np.empty((moments, moments)), np.empty((4 * many, moments))
-    error = _miss(moment, place, line, miss)
+    error, worst = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
-        if np.abs(miss).max() < _MET:
+        if worst < _MET:
             return True, place
         # slopes of the moments by each place and each weight, in units of the room to the box's
         # sides and of the weight
@@ -348,7 +348,7 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
             for q in range(many):
                 for k in range(4):
                     trial[q, k] = place[q, k] + most * step[q, k]
-            trial_error = _miss(moment, trial, line, trial_miss)
+            trial_error, worst = _miss(moment, trial, line, trial_miss)
             if trial_error < error * (1.0 - 1e-3 * most):
                 break
             most /= 2.0
@@ -367,14 +367,18 @@ def _room(x: Any) -> Any:
 
 @inner_kernel
 def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
-    # What the moments lack, and the length of that.
+    # What the moments lack; the length of that, and its largest.
     for t in range(moment.size):
         miss[t] = moment[t]
     for q in range(place.shape[0]):
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
         _add_products(miss, -place[q, 3], line[0], line[1], line[2])
-    return np.sqrt((miss * miss).sum())
+    square = worst = 0.0
+    for t in range(moment.size):
+        square += miss[t] * miss[t]
+        worst = max(worst, abs(miss[t]))
+    return np.sqrt(square), worst
 
 
 @inner_kernel

@@ -226,8 +226,7 @@ def assemble(
     strain, stress : (Q, 6), pressure : (n, 4)
         Where Newton's method is.
     """
-    nodes, offsets, points, weights, cell_mm = cells
-    most = (offsets[first + 1 : last + 1] - offsets[first:last]).max()  # points of a cell
+    nodes, offsets, points, weights, cell_mm, most = cells
     gradient, right = np.empty((most, 3, 27)), np.empty((most, 3, 6, 27))
     left, flat = gradient.reshape(3 * most, 27), right.reshape(3 * most, 162)
     Fs, cis, isos = np.empty((most, 3, 3)), np.empty((most, 6)), np.empty((most, 6))
@@ -247,7 +246,8 @@ def assemble(
             p = np.dot(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
-            right_side += weights[at] * swelling * basis[at]
+            for r in range(4):
+                right_side[r] += weights[at] * swelling * basis[at, r]
         new = np.dot(compliance[c], right_side)
         volumetric[:] = 0.0
         force = forces[c]
@@ -319,8 +319,7 @@ def advance(
     strain: FloatArray, stress: FloatArray, pressure: FloatArray,
 ) -> None:  # fmt: skip
     """Move strains, stresses and pressures of cells along with a change of the displacements."""
-    nodes, offsets, points, weights, cell_mm = cells
-    most = (offsets[first + 1 : last + 1] - offsets[first:last]).max()
+    nodes, offsets, points, weights, cell_mm, most = cells
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)
@@ -344,7 +343,8 @@ def advance(
             p = np.dot(pressure[c], basis[at])
             Js[q], growth, _ = _law(strain[at], law, at, p, cis[q], isos[q], coefficients[q])
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
-            right_side += weights[at] * swelling * basis[at]
+            for r in range(4):
+                right_side[r] += weights[at] * swelling * basis[at, r]
         np.dot(compliance[c], right_side, pressure[c])
         for q in range(count):
             at = begin + q
@@ -381,7 +381,7 @@ def observe(
     over_m : (Q,)
         Change of ln W' over a gap of the table's nodes.
     """
-    nodes, offsets, points, weights, cell_mm = cells
+    nodes, offsets, points, weights, cell_mm, _ = cells
     gradient, F, G = np.empty((3, 27)), np.empty((3, 3)), np.empty((3, 3))
     ci, iso, work, tangent = np.empty(6), np.empty(6), np.empty(6), np.empty(4)
     for c in range(first, last):
@@ -398,7 +398,8 @@ def observe(
             invariant[q] = np.sqrt(max(trace * J ** (-2.0 / 3.0) - 3.0, 0.0))
             volumetric[q] = weights[q] * law[4][q] * growth * J * _double(ci, work)
             isochoric[q] = weights[q] * _double(iso, work) - volumetric[q]
-            turned += weights[q] * J * _double(ci, work) * basis[q]
+            for r in range(4):
+                turned[r] += weights[q] * J * _double(ci, work) * basis[q, r]
         y = np.dot(compliance[c], turned)
         for q in range(offsets[c], offsets[c + 1]):
             p, back = np.dot(pressure[c], basis[q]), np.dot(y, basis[q])

@@ -368,7 +368,8 @@ class Mechanics:
         softer, harder = body.table.log_slope_MPa[:, 0, 0][self._beside]
         self._gap = np.maximum(upper - lower, 1e-12)
         self.bulk_over_m = (harder - softer) / self._gap  # d ln κ / dm at each point, (Q,)
-        self.geometry = (cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm)
+        each = cells.nodes, cells.offsets, cells.points, cells.weights_mm3, cells.cell_mm
+        self.geometry = (*each, int(np.diff(cells.offsets).max()))  # the most points of a cell
         self._places: dict[bytes, _FacetPoints] = {} if like is None else like._places
         softer = body.cell_shear_MPa[cells.interface.cells].min(axis=1)  # of cells that meet
         self.softer_MPa = 2.0 * (1.0 + body.poisson) * softer  # Young's modulus at rest

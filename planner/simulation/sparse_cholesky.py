@@ -210,13 +210,14 @@ def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
     begin = np.append(0, np.cumsum(np.repeat([27, 54], [len(nodes), len(links)])))
     each = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32), begin
-    cells, bounds, halves, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
+    layers = int(ranks.max(initial=0)) + 1
+    cells, bounds, halves, owner = _halved(*each, ranks, count, layers, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
     fronts = len(bounds)
     bounds = bounds[::-1]
     below = np.where(halves >= 0, fronts - 1 - halves, -1)[::-1].copy()
     # Nodes of no cell stay with the last front, where they fail as pivots.
-    front_of = fronts - 1 - owner
+    front_of = fronts - 1 - np.maximum(owner, 0)
     order = np.argsort(front_of, kind="stable").astype(np.int32)
     first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
     number = np.argsort(order).astype(np.int32)
@@ -254,8 +255,9 @@ def _ranks(value: FloatArray) -> IntArray:
 
 @kernel
 def _halved(
-    nodes: NDArray[np.int32], begin: IntArray, ranks: NDArray[np.int32], count: int, most: int
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    nodes: NDArray[np.int32], begin: IntArray, ranks: NDArray[np.int32], count: int, layers: int,
+    most: int,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:  # fmt: skip
     """Halve the cells until heaps of at most so many are left.
 
     The cut is the plane between layers of cells with the fewest nodes on it over the product of
@@ -282,6 +284,7 @@ def _halved(
     seen = np.full(count, -1, dtype=np.int64)
     touched = np.empty(count, dtype=np.int32)
     spare = np.empty(n, dtype=np.int32)
+    in_layer, on_planes = np.empty(layers, np.int64), np.empty(layers, np.int64)
     # Waiting: bounds, and the half of which cut it is.
     waiting = [(0, n, -1, 0)]
     made = 0
@@ -310,20 +313,21 @@ def _halved(
         best, best_axis, best_rank = np.inf, -1, 0
         if end - start > most:
             for axis in range(3):
-                here = ranks[axis][cells[start:end]]
-                least, layers = here.min(), here.max() - here.min() + 1
-                in_layer = np.bincount(here - least)
-                begin_in = np.bincount(low[axis][touched[:met]] - least, minlength=layers)
-                end_in = np.bincount(high[axis][touched[:met]] - least, minlength=layers)
+                in_layer[:], on_planes[:] = 0, 0
+                for place in range(start, end):
+                    in_layer[ranks[axis, cells[place]]] += 1
+                for i in range(met):
+                    on_planes[low[axis, touched[i]]] += 1
+                    on_planes[high[axis, touched[i]]] -= 1
                 before, cost = 0, 0
                 for rank in range(1, layers):
                     before += in_layer[rank - 1]
-                    cost += begin_in[rank - 1] - end_in[rank - 1]
+                    cost += on_planes[rank - 1]
                     if before == 0 or before == end - start:
                         continue
                     score = cost / (np.float64(before) * np.float64(end - start - before))
                     if score < best:
-                        best, best_axis, best_rank = score, axis, rank + least
+                        best, best_axis, best_rank = score, axis, rank
         for i in range(met):
             node = touched[i]
             if best_axis < 0 or low[best_axis, node] < best_rank <= high[best_axis, node]:
@@ -346,7 +350,7 @@ def _halved(
         waiting.append((start, lower, t, 0))
         if lower - start > upper:
             waiting[-1], waiting[-2] = waiting[-2], waiting[-1]
-    return cells, bounds[:made], halves[:made], np.maximum(owner, 0)
+    return cells, bounds[:made], halves[:made], owner
 
 
 def _structure(
