@@ -174,8 +174,7 @@ def _legend(top: float) -> Iterator[str]:
 
 
 def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[str]:
-    # So that the most of it is seen.
-    cut = max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
+    cut = _cut_of(result)
     name = f"cut-title{mark}"
     said = f'<p id="cut-words{mark}">{escape(" ".join(_cut_words(result, cut)))}</p>'
     drawn = page.figure(name, _cut_figure(result, cut, top))
@@ -282,11 +281,15 @@ class _PartCut:
     place_mm: FloatArray
 
 
-def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
-    """Cut a part open where it is nearest to breaking, across each of the axes.
+def _cut_of(result: PartSimulation) -> _PartCut:
+    """Cut a part open where it is nearest to breaking, so that the most of it is seen.
 
-    That is left out which lies along the surface at that place.
+    The plane is across one of the axes, and not along the surface at that place.
     """
+    return max(_cuts(result), key=lambda c: np.isfinite(c.strain_over_break).sum() * c.step_mm**2)
+
+
+def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
     surface, cell_mm = result.cells.surface, result.cells.cell_mm
     place = result.steps.largest_mm[-1]
     low, high = surface.bounds_mm
