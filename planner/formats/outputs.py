@@ -346,8 +346,10 @@ def files_within(folder: _Place) -> Iterator[Path]:
     for record in _RECORDS:
         if (root / record).is_file():
             yield root / record
-            with contextlib.suppress(OutputError, OSError):  # it lists none
+            try:
                 yield from (root / name for name in _listed(root, record))
+            except (OutputError, OSError):  # of an earlier version
+                yield from root.glob("stl/*")
             return
     for path in sorted(root.iterdir()):
         if path.is_dir():

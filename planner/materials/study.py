@@ -339,7 +339,7 @@ class _Test:
             raise FileError(
                 f"{self.where}: the section is unknown, so force gives no stress; add width_mm and "
                 "thickness_mm, or diameter_mm, to specimens.csv, or give `width_mm` and "
-                f"`thickness_mm`"
+                "`thickness_mm`"
                 f"{self._readings('area_mm2', 'width_mm', 'thickness_mm', 'diameter_mm')}"
             )
         return columns["force_N"] / area_mm2

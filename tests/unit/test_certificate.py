@@ -42,6 +42,7 @@ def test_it_is_said_in_words_too(folder: Path, capsys) -> None:
     assert run(["check", str(folder)]) == 1
     printed = capsys.readouterr()
     assert "NOT sound" in printed.out
+    assert "finding" in printed.err
     assert "HOWTO.md" in printed.err
 
 
