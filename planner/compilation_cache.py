@@ -9,9 +9,11 @@ import importlib
 import importlib.machinery
 import importlib.metadata
 import importlib.util
+import json
 import os
 import pickle
 import platform
+import subprocess
 import sys
 import tempfile
 import threading
@@ -23,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Loop", "nothing_kept"]
+__all__ = ["Loop", "compile_ahead"]
 
 # Numba's own cache looks at the file of a loop alone. But machine code also holds the loops that it
 # calls and the constants that it names, from whatever file. So the name of a file here is a digest
@@ -317,16 +319,68 @@ def _processor() -> tuple[str, ...]:
 
 
 # ------------------------------------------------------------------------------------------------
-# Compiling, and the first run after installation, in which everything is compiled.
+# The first run after installation: other processes compile what it is about to meet.
+#
+# A process compiles one loop at a time, and a first simulation for 20 s. So further processors go
+# meanwhile through the loops that first_run.json lists, in the order in which a command meets them,
+# from the last back to where the run is by then. Whatever becomes of them, it compiles by itself
+# what it does not find.
 
 
-def nothing_kept() -> bool:
-    """Tell whether no loop is kept yet: all that are met will be compiled.
+_started: list[subprocess.Popen[bytes]] = []
 
-    So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
-    """
+
+def compile_ahead(*commands: str) -> None:
+    """Start processes that compile the loops of commands, unless all but one are kept."""
     folder = _folder()
-    return folder is not None and not any(folder.glob("*.nbc"))
+    kept = {path.name.rpartition("-")[0] for path in folder.glob("*.nbc")} if folder else set()
+    if folder is None or sum(name not in kept for name, _ in _listed(commands)) < 2:
+        return
+    # os.cpu_count() counts processors that this process may not use; not every system tells.
+    allowed = getattr(os, "sched_getaffinity", None)
+    shares = min((len(allowed(0)) if allowed else os.cpu_count() or 1) - 1, 2)
+    for share in range(shares):
+        code = f"from {__name__} import compile_share as c; c({share}, {shares}, *{commands})"
+        with contextlib.suppress(OSError):
+            _started.append(
+                subprocess.Popen(
+                    [sys.executable, "-c", code],
+                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                )
+            )  # fmt: skip
+
+
+def compile_share(share: int, shares: int, *commands: str) -> None:
+    """Compile and keep every `shares`-th of the loops of commands, the last ones first."""
+    for name, types in _listed(commands)[::-1][share::shares]:
+        _named(name)._entry(tuple(map(_of_type, types)))
+
+
+def _listed(commands: tuple[str, ...]) -> list[tuple[str, list[Any]]]:
+    """Return the loops of commands with the types of their arguments, in the order of first use."""
+    listed = json.loads(Path(__file__).with_name("first_run.json").read_bytes())
+    return [loop for command in commands for loop in listed[command]]
+
+
+def _named(name: str) -> Any:
+    module, _, own = name.rpartition(".")
+    return getattr(importlib.import_module(module), own)
+
+
+def _of_type(told: Any) -> Any:
+    """Return a value of a type: a scalar's name, {class: types} of a tuple, or what an array is."""
+    if isinstance(told, str):
+        return np.dtype(told).type()
+    if isinstance(told, dict):
+        ((kind, types),) = told.items()
+        made = _named(kind)
+        return getattr(made, "_make", made)(map(_of_type, types))  # named or not
+    dtype, dimensions, layout, writeable = told
+    dtype = np.dtype(dtype if isinstance(dtype, str) else [*map(tuple, dtype)])
+    shape = (2,) * dimensions
+    array = np.zeros(shape, dtype) if layout == "C" else np.zeros((*shape, 2), dtype)[..., 0]
+    array.flags.writeable = writeable
+    return array
 
 
 # ------------------------------------------------------------------------------------------------

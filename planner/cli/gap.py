@@ -60,10 +60,12 @@ def diagnose(
     force
         Replace a folder that an earlier diagnosis wrote.
     """
+    from planner.compilation_cache import compile_ahead
     from planner.gap.summary import next_command
     from planner.report.gap_page import verdict_text
 
     cli.check_targets(force=force, output=(output, "diagnosis.json"))
+    compile_ahead("diagnose")
     with cli.progress() as stage:
         found = cli.run(
             planner.diagnose, progress=lambda done, total, what: stage(f"{what}, {done} of {total}")

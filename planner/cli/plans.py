@@ -1,12 +1,8 @@
 """planner grade, view, check, diff, compare, slices: they make or take a plan."""
 
-import contextlib
-import os
 import re
-import subprocess
-import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
@@ -121,7 +117,7 @@ def grade(
         show one object; bambu, orca and cura open the 3MF that is written by default; see
         docs/how-to/open-in-a-slicer.md.
     """
-    from planner.compilation_cache import nothing_kept
+    from planner.compilation_cache import compile_ahead
     from planner.formats.threemf import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
@@ -130,8 +126,7 @@ def grade(
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         cli.check_targets(force=force, output=(folder, "plan.json"))
-    if nothing_kept():
-        _start()
+    compile_ahead("grade")
     with cli.progress() as stage:
         plan = cli.run(planner.grade, printer=machine, progress=stage)
         kept = not dry_run and (plan.ok or not strict)
@@ -416,60 +411,3 @@ def _slices_report(stack: "planner.SliceStack", folder: Path) -> None:
         swatches=[colour or "default" for _, colour, *_ in rows],
     )
     cli.say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")
-
-
-# ------------------------------------------------------------------------------------------------
-# The first run after installation: other processes compile the loops that it needs last.
-#
-# The loops of the main job are compiled once, for some seconds, and kept. One process compiles one
-# at a time, so further processors rehearse a plan's last stages on a small solid meanwhile; what
-# they compile the run then finds. Whatever becomes of them, the run compiles by itself what it does
-# not find.
-
-
-_started: list[subprocess.Popen[bytes]] = []
-
-
-def _start() -> None:
-    """Start processes that rehearse stages of a plan, as nothing is compiled yet."""
-    # os.cpu_count() counts processors that this process may not use; not every system tells.
-    allowed = getattr(os, "sched_getaffinity", None)
-    shares = min((len(allowed(0)) if allowed else os.cpu_count() or 1) - 1, 2)
-    for share in range(shares):
-        code = f"from planner.cli.plans import rehearse; rehearse({share}, {shares})"
-        with contextlib.suppress(OSError):
-            _started.append(
-                subprocess.Popen(
-                    [sys.executable, "-c", code],
-                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                )
-            )  # fmt: skip
-
-
-def rehearse(share: int, shares: int) -> None:
-    """Go through a share of a plan's last stages on a tetrahedron, to compile and keep loops."""
-    import numpy as np
-
-    from planner.formats.threemf import ThreemfObject, encode_threemf
-    from planner.grading.check import shell_checks
-    from planner.mesh.mesh import Mesh, join_shells
-    from planner.voxels.columns import Grid, voxel_counts
-    from planner.voxels.picture import pictures_of
-    from planner.voxels.thin_places import rehearse_sets, thin_solid_places
-
-    corners = 1.0 + 4.0 * np.eye(4, 3, -1)
-    faces = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)], np.int32)
-    part, grid = Mesh(corners, faces), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (6, 6, 6))
-    # The run itself takes columns, walls with their sets, shells and pictures, in this
-    # order; what it would meet last comes first here, after what it meets soon. Of columns it is
-    # but the first half, on a solid between them: the run is at the second by then.
-    stages: tuple[Callable[[], object], ...] = (
-        lambda: voxel_counts(0.05 * corners, [faces], grid),
-        rehearse_sets,
-        lambda: pictures_of([(corners, faces, "#808080")], width=32, height=32),
-        lambda: encode_threemf([ThreemfObject("a", corners, faces, "", "#808080")], "a"),
-        lambda: shell_checks(join_shells([part.triangles.astype(np.float32)]), part),
-        lambda: thin_solid_places(part, 0.6, listed=1),
-    )
-    for stage in stages[share::shares]:
-        stage()

@@ -118,6 +118,7 @@ def simulate(
     page
         HTML file to write: the whole part as it moves, in 3D.
     """
+    from planner.compilation_cache import compile_ahead
     from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
     from planner.simulation.loads import read_cases
@@ -134,6 +135,7 @@ def simulate(
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
+        compile_ahead("simulate")
         solve, other = other, solve
         why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
     takes = signature(solve).parameters
@@ -409,6 +411,7 @@ def design(
     no_page
         Leave plan.html out.
     """
+    from planner.compilation_cache import compile_ahead
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import LoadCase, read_cases
 
@@ -420,6 +423,7 @@ def design(
         one if one.fix or one.move else replace(one, fix=loads.fix or (), move=loads.move or ())
         for one in map(LoadCase.read, case or ())
     ]
+    compile_ahead("simulate", "grade")
     with cli.long_progress() as stage:
         instead = {
             "cases": (*(() if cases is None else read_cases(cases)), *further),

@@ -21,7 +21,6 @@ __all__ = [
     "SOUND",
     "ThinPlace",
     "longest_checked_mm",
-    "rehearse_sets",
     "room_mm",
     "space_around_mm",
     "thin_solid_places",
@@ -200,13 +199,6 @@ def _grow(
         if not changed and step % 2 == 1:
             break
     return todo
-
-
-def rehearse_sets() -> None:
-    """Go once through what opens and grows sets, so that their loops are compiled and kept."""
-    nothing = empty_set(1, 1, 1)
-    grow(nothing, nothing.copy(), 1)
-    morph(nothing, ball(1), False, nothing)
 
 
 def _runs_of(bits: _Bits, low: int, high: int) -> IntArray:
