@@ -246,7 +246,7 @@ def _dimensions_of(
     if area is not None:
         sources["area"] = _SPECIMENS
     elif all(getattr(one, side, None) is None for one in (specimen, given) for side in sides):
-        area = product("area", "area_mm2")
+        area = None if getattr(specimen, "diameter_mm", None) else product("area", "area_mm2")
         if area is None and (diameter := product("area", "diameter_mm")) is not None:
             area = 0.25 * np.pi * diameter**2
     area = product("area", *sides) if area is None else area

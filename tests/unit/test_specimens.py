@@ -64,6 +64,15 @@ def test_a_diameter_is_a_section(tmp_path: Path, heading: str) -> None:
     assert read_study(tmp_path).dimensions["S1"].area_mm2 == pytest.approx(25.0 * 3.14159265)
 
 
+def test_a_diameter_of_the_list_goes_before_an_area_in_a_files_head(tmp_path: Path) -> None:
+    listing(tmp_path, "specimen,material,diameter_mm,gauge_mm\nS1,A,10,20\nS2,A,,20\n")
+    for name in ("S1", "S2"):
+        (tmp_path / f"{name}.csv").write_text(f"Area,40,mm2\n{curve()}")
+    sizes = read_study(tmp_path).dimensions
+    assert sizes["S1"].area_mm2 == pytest.approx(25.0 * 3.14159265)
+    assert sizes["S2"].area_mm2 == 40.0
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
