@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import dpotrf, dtrtrs
-from scipy.sparse import block_diag, csr_array, diags_array
+from scipy.sparse import block_diag, csr_array, diags_array, triu
 
 from planner.gap.evidence.problem import Candidate, Problem, searched
 from planner.numerics import FloatArray, IntArray
@@ -141,22 +141,25 @@ class Likelihood:
 
     @cached_property
     def _inner(self) -> tuple[Any, ...]:
-        """Products of all rows: values, rows, columns and cells by specimen; nuisances by row."""
-        square = (self._white.T @ self._white).tocoo()
-        of = self.problem.table.specimen
+        """Half of the products of all rows, which are symmetric; what nuisances share with each row.
+
+        The products' values, rows, columns and cells by specimen.
+        """
+        square, of = triu(self._white.T @ self._white).tocoo(), self.problem.table.specimen
+        values = np.where(square.row == square.col, 0.5, 1.0) * square.data
         cell = of[square.row] * len(self.problem.noise.rows) + of[square.col]
         reach, _ = dtrtrs(self._factor, (self._nuisances @ self._white).toarray(), lower=True)
-        return square.data, square.row, square.col, cell, reach
+        return values, square.row, square.col, cell, np.ascontiguousarray(reach.T)
 
     def _among(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what nuisances share with specimens' own columns, and these with one another."""
         values, row, column, cell, reach = self._inner
-        n = len(self.problem.noise.rows)
-        each = np.add.reduceat(own[:, None] * reach, self.problem.noise.first_row[:-1], axis=2)
-        halved = each.transpose(1, 0, 2).reshape(len(reach), -1)
+        first, n = self.problem.noise.first_row, len(self.problem.noise.rows)
+        halved = np.concatenate([csr_array((a, np.arange(len(a)), first)) @ reach for a in own])
         blocks = [[np.bincount(cell, a[row] * values * b[column], n * n) for b in own] for a in own]
         whole = np.reshape(blocks, (len(own), len(own), n, n)).transpose(0, 2, 1, 3)
-        return halved, whole.reshape(halved.shape[1], -1) - halved.T @ halved
+        half = whole.reshape(len(halved), -1)
+        return halved.T, half + half.T - halved @ halved.T
 
     def _beside(self, own: FloatArray) -> tuple[Any, ...]:
         """Return what integrates over specimens' own columns; the last ones' is kept."""
