@@ -141,9 +141,9 @@ class Likelihood:
 
     @cached_property
     def _inner(self) -> tuple[Any, ...]:
-        """Half of the products of all rows, which are symmetric; what nuisances share with each row.
+        """Half of the rows' products, the other half its mirror image; nuisances by row.
 
-        The products' values, rows, columns and cells by specimen.
+        Of the products: values, rows, columns, and cells by specimen.
         """
         square, of = triu(self._white.T @ self._white).tocoo(), self.problem.table.specimen
         values = np.where(square.row == square.col, 0.5, 1.0) * square.data
