@@ -278,7 +278,10 @@ def run_tests(there: Path, arguments: Sequence[str], **more: str) -> int:
 
 
 def made_map(there: Path, path: Path, words: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return which functions each test enters; those that fail without mutations are left out."""
+    """Return which functions each test enters; those that fail without mutations are left out.
+
+    So are tests that a map made before knows and that are there no more.
+    """
     if not path.exists():
         code = run_tests(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
         if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
@@ -288,7 +291,13 @@ def made_map(there: Path, path: Path, words: Sequence[str]) -> dict[str, dict[st
             made |= json.loads(part.read_text())
             part.unlink()
         path.write_text(json.dumps(made))
-    return dict(json.loads(path.read_text()))
+    told = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--collect-only", *words, "-n", "0"],
+        cwd=there, env={**os.environ, "PYTHONPATH": str(there)}, check=False,
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    there_now = set(told.stdout.splitlines())
+    return {test: one for test, one in json.loads(path.read_text()).items() if test in there_now}
 
 
 def noticing(mutation: Mutation, made: dict[str, dict[str, Any]], *, slow: bool) -> list[str]:
