@@ -126,7 +126,7 @@ def grade(
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         cli.check_targets(force=force, output=(folder, "plan.json"))
-    compile_ahead("grade")
+    compile_ahead("grade --field" if field or blend == "dither" else "grade")
     with cli.progress() as stage:
         plan = cli.run(planner.grade, printer=machine, progress=stage)
         kept = not dry_run and (plan.ok or not strict)
