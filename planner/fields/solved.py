@@ -73,8 +73,9 @@ def _solved_cells(
         if not found[-1].any():
             low, high = map(place_text, mesh.bounds_mm - origin_mm)
             raise ArgumentError(
-                f"field {field}: the region {key}= holds nothing of the part at {pitch_mm:.3g} mm; "
-                f"the part reaches {low.removesuffix(' mm')} to {high}"
+                f"field {field}: the region {key}= holds nothing of the part, not the middle of a "
+                f"cell of {pitch_mm:.3g} mm; give it that thickness or more. The part reaches "
+                f"{low.removesuffix(' mm')} to {high}"
             )
     return pitch_mm, grid, inside, found
 

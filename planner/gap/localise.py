@@ -659,7 +659,7 @@ def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
     if compared.sum() < 2:
         return
     scale, p = 0.0, 1.0
-    shift: dict[int, float] = {}
+    strays: list[int] = []
     left = seen.copy()
     for _ in range(max(1, len(test) // 3)):
         others = (alike & left).astype(np.float64)
@@ -671,15 +671,21 @@ def _axis_of_strays(case: _Case) -> Iterator[_Axis]:
         # Of two that differ from each other only, the one farther from what is predicted.
         worst = int(np.argmax(np.where(left, away, 0.0) / scale + 1e-6 * np.abs(height)))
         chance = 2.0 * float(compared.sum()) * float(stdtr(_TAIL_FREEDOM, -away[worst] / scale))
-        if shift and chance > SIGNIFICANT:
+        if strays and chance > SIGNIFICANT:
             break
         p = min(p, chance)
-        shift[worst] = float(off[worst])
+        strays.append(worst)
         left[worst] = False
-    is_named = case.table.specimen[:, None] == list(shift)
+
+    def mean(among: BoolArray) -> float:
+        return case.mean(among[case.table.specimen] & ~case.table.is_field) or 0.0
+
+    # Told as it is: a level that is likeliest where noise is correlated may lie beyond all steps.
+    logs = [mean(np.arange(len(test)) == i) - mean(alike[i] & left) for i in strays]
+    is_named = case.table.specimen[:, None] == strays
     basis = case.basis(np.where(is_named, case.force[:, None], 0.0))
     ids = [s.id for s in case.campaign.specimens]
-    told = [f"{ids[i]} {_off(value, 'its replicates')}" for i, value in shift.items()]
+    told = [f"{ids[i]} {_off(log, 'its replicates')}" for i, log in zip(strays, logs, strict=True)]
     more = [f"and {len(told) - _NAMED} more"] if len(told) > _NAMED else []
     sentence = "force of " + "; ".join(told[:_NAMED] + more)
     yield _Axis("specimen", basis, max(p, _SMALLEST), 1.0, sentence)

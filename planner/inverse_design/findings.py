@@ -217,7 +217,7 @@ def findings(
             told += (
                 f"; the nearest gradient comes to {row.continuous:.4g} {row.unit}{why}"
                 f"{against.get((row.case, row.target), '')}; softest {soft}, stiffest {stiff} "
-                f"{row.unit}"
+                f"{row.unit} (in larger cells)"
             )
         else:
             told += (

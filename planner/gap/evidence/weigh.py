@@ -1049,7 +1049,10 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         _give(p, {effects: 1.0 - unlikely}, fewer)
     vain = [effects for effects, closes in evidence.closes.items() if not closes]
     if evidence.within_floor:
-        _give(p, {UNKNOWN: 1.0 - _UNKNOWN_WITHIN}, ())
+        # The floor is of forces. Of strains along a bar it says nothing.
+        local = float(np.exp(odds.get(((), "position"), -np.inf) - logsumexp(list(odds.values()))))
+        of_forces = 1.0 - local / max(p.get(UNKNOWN, 0.0), local, 1e-300)
+        _give(p, {UNKNOWN: (1.0 - _UNKNOWN_WITHIN) * of_forces}, ())
         no_gap = [*vain, *((id,) for id in sorted(evidence.scatter_like))]
         _give(p, dict.fromkeys(no_gap, 1.0 - unlikely), ())
     else:
