@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 from scipy.special import chdtri, expit, logit, logsumexp, stdtrit
 
-from planner.gap.campaign import axis_columns
+from planner.gap.campaign import TOLERANCES, axis_columns
 from planner.gap.diagnosis import Detectable, Effects, FoundEffect, Hypothesis
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, posterior_mode
 from planner.gap.evidence.problem import EVERY_AXIS, Candidate, Problem, joined, node_weights
@@ -785,8 +785,8 @@ _ALIKE_NATS = 3.0
 as a level of 5 %."""
 
 
-def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]:
-    """Return probabilities, most probable first.
+def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[dict[Effects, float], ...]:
+    """Return probabilities, and of these with effects the share that has an unknown beside it.
 
     Effects beside an unknown along an axis go by whichever of both is likelier alone: what an axis
     explains, and effects mend, is no evidence for the effects.
@@ -802,10 +802,7 @@ def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]
         together[key] = together.get(key, 0.0) + share
         if named and axis:
             beside[key] = beside.get(key, 0.0) + share
-    ranked = sorted(together, key=lambda e: (-together[e], e))
-    return tuple(
-        Hypothesis(e, together[e], beside.get(e, 0.0) / max(together[e], 1e-300)) for e in ranked
-    )
+    return together, {e: share / max(together[e], 1e-300) for e, share in beside.items()}
 
 
 def class_of(
@@ -831,12 +828,9 @@ def class_of(
     odds = {effects: float(np.log(max(p, 1e-300))) for effects, p in share.items()}
     leading = odds.get(verdict, max(odds.values()))
     alike = _fits_of_same_pattern(problem, weighed, list(odds))
-
-    def near(effects: Effects) -> bool:
-        fit = alike.get((verdict, effects), -np.inf)
-        return odds[effects] > leading - _ALIKE_NATS or fit > -2.0 * _ALIKE_NATS
-
-    found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
+    near = {e for e, value in odds.items() if value > leading - _ALIKE_NATS}
+    near |= {e for (one, e), fit in alike.items() if one == verdict and fit > -2.0 * _ALIKE_NATS}
+    found = [verdict, *(h.effects for h in ranking if h.effects in near - {verdict})]
     # The more strongly an effect shows, the more its form's own error asks for a second one, in
     # evidence: what is small in force may count for much there.
     for both in [effects for effects in found if len(effects) > 1]:
@@ -894,7 +888,7 @@ class Evidence:
     without
         Of effects with which errors of force rise, fewer of them with which they do not.
     axes
-        That each effect varies along, but for strain, along which most do.
+        That each effect varies along.
     specimens
         How many.
     """
@@ -929,7 +923,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         scatter_like=frozenset(sensors if len(problem.model.tests) == 1 else ()),
         closes=closes,
         without=without,
-        axes={id: [a for a in e.where if a != "strain"] for id, e in problem.effects.items()},
+        axes={id: effect.where for id, effect in problem.effects.items()},
     )
 
 
@@ -1039,11 +1033,10 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     one that is in it, which no data tell. Very few specimens show a gap, not its cause: the rest of
     what they name is unknown, or where they show none, none.
     """
-    found = evidence.log_evidence
-    counts = _counted(found, priors)
-    odds = {key: prior + counts * found[key] for key, prior in evidence.log_prior.items()}
-    ranking = posterior(odds)
-    p = {h.effects: h.probability for h in ranking}
+    counted = _counted_of(evidence, priors)
+    odds = {key: prior + counted[key] for key, prior in evidence.log_prior.items()}
+    p, beside = posterior(odds)
+    named = [effects for effects in p if effects not in ((), UNKNOWN)]
     unlikely = float(expit(-_ALIKE_NATS))
     for effects, fewer in evidence.without.items():
         _give(p, {effects: 1.0 - unlikely}, fewer)
@@ -1064,18 +1057,13 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         for effects in p.keys() & evidence.closes.keys():
             p[effects] *= 1.0 + each if evidence.closes[effects] else unlikely
         p[UNKNOWN] = p.get(UNKNOWN, 0.0) + unlikely * each * given
-    named = [effects for effects in p if effects not in ((), UNKNOWN)]
-    if not evidence.within_floor:
         _give(p, {e: _imitated(e, evidence, priors) for e in named}, UNKNOWN)
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - p.get((), 0.0))
     over = sum(p[effects] for effects in named)
     if evidence.specimens < ENOUGH_SPECIMENS and over > most:
         _give(p, dict.fromkeys(named, 1.0 - most / over), () if evidence.within_floor else UNKNOWN)
-    beside = {h.effects: h.with_unknown for h in ranking}
-    return tuple(
-        Hypothesis(effects, p[effects], 0.0 if effects in ((), UNKNOWN) else beside[effects])
-        for effects in sorted(p, key=lambda e: (-p[e], e))
-    )
+    ranked = sorted(p, key=lambda e: (-p[e], e))
+    return tuple(Hypothesis(e, p[e], beside.get(e, 0.0)) for e in ranked)
 
 
 _SURE = 30.0
@@ -1090,13 +1078,38 @@ def _imitated(effects: Effects, evidence: Evidence, priors: Priors) -> float:
     along what they vary along it is nothing but that. Three effects have many courses.
     """
     found = evidence.log_evidence
-    own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())}
+    # Along strain most do.
+    own_axes = {axis for id in effects for axis in evidence.axes.get(id, ())} - {"strain"}
     own = found.get((effects, ""), np.inf)
     beside = [v - own for (e, at), v in found.items() if e == effects and at not in {"", *own_axes}]
     form = priors.imitation_nats / (priors.imitation_nats + max(own - found[(), ""], 0.0))
     log_odds = min(_counted(found, priors), form) * max([0.0, *beside])
     log_odds += np.log(priors.imitated_by_three) * (len(effects) > 2)
     return float(expit(logit(priors.imitated) + min(log_odds, _SURE)))
+
+
+_COLUMNS = frozenset({*TOLERANCES, "orientation"})
+"""Conditions and sizes of specimens. Of all axes these alone hold nothing of a curve's course, of a
+mixture or of what specimens are unlike by, in which any effect's form is off."""
+
+
+def _counted_of(evidence: Evidence, priors: Priors) -> Mapping[HypothesisKey, float]:
+    """Return how much of each hypothesis' log evidence counts.
+
+    A form is off along its effect's own axes. What the other one of two effects explains along
+    columns alone, none of them the first's, is no such error: it counts as if it were found alone.
+    Of three it does not, as orientation then was named beside two effects that were all.
+    """
+    found, axes = evidence.log_evidence, evidence.axes
+    counts = _counted(found, priors)
+    counted = {key: counts * value for key, value in found.items()}
+    for both, axis in found:
+        gains = [0.0]
+        for one, other in permutations(both) if len(both) == 2 else ():
+            if set(axes.get(one, ("",))) <= _COLUMNS - set(axes.get(other, ())):
+                gains.append(found.get((both, ""), -np.inf) - found.get(((other,), ""), np.inf))
+        counted[both, axis] += max(gain * (priors.counted(gain) - counts) for gain in gains)
+    return counted
 
 
 def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
@@ -1107,13 +1120,11 @@ def _counted(found: Mapping[HypothesisKey, float], priors: Priors) -> float:
 
 
 def _give(p: dict[Effects, float], share: Mapping[Effects, float], to: Effects) -> None:
-    """Give shares of hypotheses' probability to another one; one that gives up all is gone."""
+    """Give shares of hypotheses' probability to another one."""
     for effects in (e for e in share if e in p and e != to):
         given = share[effects] * p[effects]
         p[to] = p.get(to, 0.0) + given
         p[effects] -= given
-        if share[effects] == 1.0:
-            del p[effects]
 
 
 def axes_of(
@@ -1135,7 +1146,7 @@ def axes_of(
     }
     shares = {h.effects: h.probability for h in ranking if h.effects}
     unknown = shares.pop(UNKNOWN, 0.0)
-    parts = [*shares.items(), *((h.effects, unknown * h.probability) for h in posterior(odds))]
+    parts = [*shares.items(), *((of, unknown * share) for of, share in posterior(odds)[0].items())]
     found, caused = dict.fromkeys(names, 0.0), sum(probability for _, probability in parts)
     for of, probability in parts:
         for axis in set().union(*(own.get(id, names) for id in of)):
