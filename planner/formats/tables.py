@@ -218,8 +218,8 @@ python_calamine.CalamineWorkbook.from_filelike(sys.stdin.buffer)
 _PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Z]{0,3})(\d{1,7})["']""")
 _TIMES = re.compile(rb"""number-(?:rows|columns)-repeated\s*=\s*["'](\d{1,9})["']""")
 
-Sheet = tuple[str, list[list[str]]]
-"""Its name, and its cells by row; an empty cell is ''."""
+Sheet = tuple[str, list[list[str]], dict[int, set[int]]]
+"""Its name, its cells by row, an empty one '', and by line the columns that a merged one covers."""
 
 
 def is_workbook(data: bytes) -> bool:
@@ -250,8 +250,11 @@ def read_sheets(data: bytes, name: str) -> list[Sheet]:
             sheet = book.get_sheet_by_name(called)
             if sheet.total_height * sheet.total_width > _MOST_CELLS:
                 raise _too_many(f"{name}, sheet {called!r}")
-            rows = sheet.to_python(skip_empty_area=False)
-            sheets.append((called or name, [[_text(cell) for cell in row] for row in rows]))
+            rows = [[_text(c) for c in row] for row in sheet.to_python(skip_empty_area=False)]
+            merged = dict[int, set[int]]()
+            for (top, left), (_, right) in sheet.merged_cell_ranges or ():
+                merged.setdefault(top + 1, set()).update(range(left + 1, right + 1))
+            sheets.append((called or name, rows, merged))
     except (FileError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # calamine is compiled: its panics are no Exception

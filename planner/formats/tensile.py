@@ -414,7 +414,10 @@ def _only(headings: _Headings, places: Collection[int]) -> _Headings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
-    """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read."""
+    """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read.
+
+    `merged` are the columns, by line, of cells that one to their left goes on over.
+    """
 
     where: str
     sheet: str
@@ -422,6 +425,7 @@ class _Grid:
     rows: list[tables.TextRow]
     by_position: _Headings | None
     option: str
+    merged: Mapping[int, Collection[int]]
 
     def number(self, cell: str) -> float | None:
         return tables.number(cell, self.separator)
@@ -523,11 +527,12 @@ def read_tensile(
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
     data = read_file(path, advice="give the path of a tensile file")
     by_position = None if columns is None else _by_position(columns)
-    of_text = [] if tables.is_workbook(data) else [("", tables.decode_text(data, path))]
+    unmerged = dict[int, set[int]]()
+    of_text = [] if tables.is_workbook(data) else [("", tables.decode_text(data, path), unmerged)]
     grids, pieces, notes = dict[_Grid, list[_Block]](), list[_Piece](), list[str]()
-    for sheet, cells in of_text or tables.read_sheets(data, path.name):
+    for sheet, cells, merged in of_text or tables.read_sheets(data, path.name):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
-        grid, found = _best_grid(_Grid(where, sheet, "", [], by_position, option), cells)
+        grid, found = _best_grid(_Grid(where, sheet, "", [], by_position, option, merged), cells)
         grids[grid] = found
         pieces += _joined(_pieces(grid, found, notes), blocks, notes)
     if not grids:
@@ -654,7 +659,8 @@ def _blocks(grid: _Grid) -> list[_Block]:
         if grid.by_position is None and grid.cell(at, 0) == _SEGMENT:
             headings = None
         if own is not None:
-            headings, at = _with_units(own, grid, at)
+            _spread(grid, at)
+            headings, at = _with_units(headings_of(grid.rows[at][1]) or own, grid, at)
         elif headings is None:
             at += 1
             continue
@@ -667,14 +673,60 @@ def _blocks(grid: _Grid) -> list[_Block]:
     return found
 
 
+def _under(grid: _Grid, head: int) -> list[list[str]]:
+    """Return the rows between one of headings and the numbers that may go on with it."""
+    rows = (cells for _, cells in grid.rows[head + 1 : head + 4])
+    return [*takewhile(lambda r: not any(grid.number(c) is not None for c in r if c != "1"), rows)]
+
+
+def _spread(grid: _Grid, head: int) -> None:
+    """Write a merged heading above each column that it spans, with the word that stands below.
+
+    "Travel" above "Crosshead" and "Extensometer" is "Crosshead Travel" and "Extensometer Travel".
+    How far it goes a workbook says; else over empty cells with a word, or a unit of it, below.
+    """
+    line, cells = grid.rows[head]
+    under = _under(grid, head)
+    numbers = next((row for _, row in grid.rows[head + 1 + len(under) :]), [])
+    heads = [*cells, *[""] * (len(numbers) - len(cells))]
+    texts = [[c for row in under for c in row[i : i + 1] if c] for i in range(len(numbers))]
+    spans = list[list[int]]()
+    for i, number in enumerate(numbers):
+        if heads[i]:
+            spans.append([i])
+        elif number and spans and spans[-1][-1] == i - 1:
+            kinds = _COLUMNS.get(heading_of(heads[spans[-1][0]]).meaning, {}).keys()
+            units = [quantities_of(c.strip("()[]{} ")) for c in texts[i] if not _is_word(c)]
+            merged = i in grid.merged[line] if line in grid.merged else texts[i]
+            if merged and kinds and not any(map(kinds.isdisjoint, units)):
+                spans[-1].append(i)
+    for span in (span for span in spans if len(span) > 1):
+        top = heads[span[0]]
+        words = {i: next(filter(_is_word, texts[i]), "") for i in span}
+        ways = {i: (f"{word} {top}".strip(), f"{top} {word}".strip()) for i, word in words.items()}
+        known = {i: name for i, both in ways.items() for name in both if _is_term(name)}
+        for i, word in words.items():
+            heads[i] = known.get(i, ways[i][1]) if known else top
+            # Words that are not known, and come again, name specimens.
+            for row in (row for row in under if known or row.count(word) == 1):
+                row[i : i + 1] = ["" if cell == word else cell for cell in row[i : i + 1]]
+        grid.rows[head] = line, heads[: max(len(cells), span[-1] + 1)]
+
+
+def _is_word(cell: str) -> bool:
+    return cell[0] not in "([" and not quantities_of(cell)
+
+
+def _is_term(name: str) -> bool:
+    return bool(heading_of(name).meaning and not heading_of(name).tag)
+
+
 def _with_units(headings: _Headings, grid: _Grid, head: int) -> tuple[_Headings, int]:
     """Return headings with the units that stand in a row of their own, and the row behind.
 
     The row is below, or, in what LabVIEW writes, above and says so.
     """
-    for row, (_, cells) in enumerate(grid.rows[head + 1 : head + 4], start=head + 1):
-        if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
-            break
+    for row, cells in enumerate(_under(grid, head), start=head + 1):
         units = [cell.strip("()[]{} ") for cell in cells]
         known = any(
             h.meaning and unit and (quantities_of(unit) or cell[0] in "([")
@@ -992,14 +1044,16 @@ def _split(grid: _Grid, block: _Block, places: Sequence[int], label: str) -> lis
     kept = [column for column in used if column.name in values]
     values = _with_strain(values, grid.where, notes)
     heads = grid.rows[block.head][1] if block.is_headed else []
+    heads = [*heads, *[""] * (len(grid.rows[lined[0]][1]) - len(heads) if heads else 0)]
     texts = {_head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
     read = {*(column.at for column in kept), *texts.values(), named}
     unused = tuple(
-        cell
+        cell or f"column {i + 1} (no heading)"
         for i, cell in enumerate(heads)
-        if cell and i not in read and size_of(cell)[0] is None
-        if (i in places or not headings[i].meaning) and grid.cell(lined[0], i)
+        if i not in read and size_of(cell)[0] is None
+        if (i in places or not (cell and headings[i].meaning)) and grid.cell(lined[0], i)
+        if cell or 2 * sum(map(grid.is_number, record.cells(i))) > len(lined)
     )
     if named is not None:
         names = _carried(record.cells(named))

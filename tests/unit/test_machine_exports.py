@@ -93,7 +93,7 @@ def test_the_files_are_the_scripts() -> None:
         assert (EXPORTS / name).read_bytes() == content.encode(encoding), name
     for name, sheets in MADE.workbooks().items():
         read = read_sheets((EXPORTS / name).read_bytes(), name)
-        assert [sheet for sheet, _ in read] == list(sheets)
+        assert [sheet for sheet, *_ in read] == list(sheets)
 
 
 def test_a_symbol_is_a_size_only_with_a_unit_of_length(tmp_path: Path) -> None:
@@ -722,16 +722,16 @@ def test_no_size_is_taken_from_another_specimen(
 def _of_two_series(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: Sequence[str]
 ) -> tuple[TensileTable, ...]:
-    sheets = [("Parameters", [["Gage length", "25", "mm"]])]
+    sheets = [("Parameters", [["Gage length", "25", "mm"]], {})]
     for name, sizes in zip(results, (("2.0", "2.2"), ("1.8",)), strict=True):
         rows = [[f"Specimen {n}", size, "6"] for n, size in enumerate(sizes, start=1)]
-        sheets.append((name, [["", "a0", "b0"], ["", "mm", "mm"], *rows]))
+        sheets.append((name, [["", "a0", "b0"], ["", "mm", "mm"], *rows], {}))
     for series, numbers in (("1", [1, 2]), ("2", [3])):
         heads = [",".join(f"Specimen {n},," for n in range(1, len(numbers) + 1))]
         heads += [",".join(["Test time,Standard force,Standard travel"] * len(numbers))]
         rows = [*heads, ",".join(["s,N,mm"] * len(numbers))]
         rows += MADE.beside(numbers, "{t},{f},{d}", ",", 3)
-        sheets.append((f"Values Series {series}", [row.split(",") for row in rows]))
+        sheets.append((f"Values Series {series}", [row.split(",") for row in rows], {}))
     path = tmp_path / "two.xlsx"
     path.write_bytes(b"PK")
     monkeypatch.setattr("planner.formats.tables.is_workbook", lambda data: True)
@@ -1070,6 +1070,37 @@ _PARTS = {
     "xl/workbook.xml": f'<workbook {_CELLS} xmlns:r="{_OPEN}officeDocument/2006/relationships">'
     '<sheets><sheet name="Data" sheetId="1" r:id="a"/></sheets></workbook>',
 }
+
+
+def _merged(path: Path, heads: Sequence[Sequence[str]], merged: str) -> None:
+    """Write a record whose third column is 1.2 of the second; `merged` are two of its cells."""
+    rows = [[str(n), f"{0.1 * n}", f"{0.12 * n}", f"{n**0.5}"] for n in range(9)]
+    texts = "".join(
+        f"<row>{''.join(f'<c t={chr(34)}{kind}{chr(34)}><v>{cell}</v></c>' for cell in row)}</row>"
+        for kind, part in (("str", heads), ("n", rows))
+        for row in part
+    )
+    ends = f'<sheetData>{texts}</sheetData><mergeCells><mergeCell ref="{merged}"/></mergeCells>'
+    sheet = {"xl/worksheets/sheet1.xml": f"<worksheet {_CELLS}>{ends}</worksheet>"}
+    path.write_bytes(_zip({k: v.encode() for k, v in (_PARTS | sheet).items()}))
+
+
+def test_a_workbook_says_how_far_a_heading_goes(tmp_path: Path) -> None:
+    path = tmp_path / "a.xlsx"
+    units = ["s", "mm", "mm", "N"]
+    _merged(
+        path, [["Time", "Travel", "", "Force"], ["", "Machine", "Extensometer", ""], units], "B1:C1"
+    )
+    (table,) = read_tensile(path)
+    assert table.headings["displacement_mm"] == "Extensometer Travel (mm)"
+    assert table.columns["displacement_mm"][-1] == pytest.approx(0.96, rel=1e-12)
+    assert table.unused == ("Machine Travel",)
+    _merged(path, [["Time (s)", "Travel (mm)", "", "Force (N)"]], "B1:C1")
+    with pytest.raises(FileError, match="two lengths of one record, of two sensors"):
+        read_tensile(path)
+    _merged(path, [["Time", "Travel", "", "Force"], units], "D1:E1")
+    (table,) = read_tensile(path)
+    assert table.unused == ("column 3 (no heading)",)
 
 
 @pytest.mark.parametrize(

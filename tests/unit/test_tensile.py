@@ -161,6 +161,87 @@ def test_bad_files_are_refused_with_the_place(
     assert str(tmp_path) in str(caught.value) or "a.csv" in str(caught.value)
 
 
+SIZED = "Width,6,mm\nThickness,4,mm\n"
+
+
+@pytest.mark.parametrize(
+    ("heads", "read_as", "unused"),
+    [
+        # In each the fourth column is 0.8 of the third, and the one to read.
+        ("Time,Strain,,Force\n,Transverse,Axial,\ns,%,%,N", "Strain Axial (%)",
+         "Strain Transverse"),
+        ("Time,Travel,,Force\n,Crosshead,Extensometer,\ns,mm,mm,N", "Extensometer Travel (mm)",
+         "Crosshead Travel"),
+        ("Time (s),Travel (mm),,Force (N)\n,Crosshead,Extensometer,", "Extensometer Travel (mm)",
+         "Crosshead Travel (mm)"),
+        ("Time,Travel,,Force\n,,Extensometer,\ns,mm,mm,N", "Extensometer Travel (mm)", "Travel"),
+        ("Zeit,Dehnung,,Kraft\n,quer,längs,\ns,%,%,N", "Dehnung längs (%)", "Dehnung quer"),
+    ],
+)  # fmt: skip
+def test_a_heading_above_several_columns_counts_for_each_with_the_word_below(
+    tmp_path: Path, heads: str, read_as: str, unused: str
+) -> None:
+    """The second column had no heading, and the first was read: the wrong sensor's, unsaid."""
+    two = "".join(
+        f"{t},{d},{0.8 * d},{f}\n" for t, d, f in zip(TIME, TRAVEL_MM, LOAD_N, strict=True)
+    )
+    table = read(tmp_path, f"{SIZED}{heads}\n{two}")
+    (length,) = {"strain", "displacement_mm"} & {*table.columns}
+    assert table.headings[length] == read_as
+    # 1e-12: texts hold the numbers whole.
+    factor = 0.008 if length == "strain" else 0.8
+    np.testing.assert_allclose(table.columns[length], factor * TRAVEL_MM, rtol=1e-12)
+    assert table.unused == (unused,)
+
+
+def test_a_heading_above_a_length_and_a_strain_is_of_both(tmp_path: Path) -> None:
+    heads = "Time,Extension,,Load\ns,mm,%,N\n"
+    table = read(tmp_path, heads + rows("{t:.3f},{d:.4f},{d:.4f},{f:.9f}"))
+    np.testing.assert_allclose(table.columns["strain"], 0.01 * TRAVEL_MM, rtol=1e-12)
+    np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, rtol=1e-12)
+    assert table.unused == ()
+
+
+@pytest.mark.parametrize("words", ["Left,Right", "Sensor 1,Sensor 2", ","])
+def test_two_columns_of_one_heading_are_refused_as_where_it_comes_again(
+    tmp_path: Path, words: str
+) -> None:
+    heads = f"Time,Force,Strain,\n,,{words}\ns,N,%,%\n"
+    with pytest.raises(FileError, match="two lengths of one record, of two sensors"):
+        read(tmp_path, heads + "".join(f"{t},{t},{t},{1.3 * t}\n" for t in TIME))
+
+
+def test_names_of_specimens_below_merged_headings_tell_them_apart(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    heads = "Time,Travel,,Force,\n,A,B,A,B\ns,mm,mm,N,N\n"
+    path.write_text(heads + "".join(f"{t},{t},{2 * t},{3 * t},{4 * t}\n" for t in TIME))
+    first, second = read_tensile(path)
+    assert (first.specimen, second.specimen) == ("A", "B")
+    np.testing.assert_allclose(second.columns["displacement_mm"], 2 * TIME, rtol=1e-12)
+    np.testing.assert_allclose(second.columns["force_N"], 4 * TIME, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("heads", "unused"),
+    [
+        ("Time (s),Travel (mm),,Force (N)", "column 3 (no heading)"),
+        ("Time,Travel,,Force\ns,mm,[ticks],N", "column 3 (no heading)"),
+        ("Time,Travel,,Force\ns,mm,N,N", "column 3 (no heading)"),
+        ("Time,Travel,,Force\ns,mm,degC,N", "Travel degC"),
+    ],
+)
+def test_numbers_below_no_heading_are_told_as_not_used(
+    tmp_path: Path, heads: str, unused: str
+) -> None:
+    table = read(tmp_path, f"{heads}\n" + rows("{t:.3f},{d:.4f},{n},{f:.9f}"))
+    assert table.unused == (unused,)
+    np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, rtol=1e-12)
+
+
+def test_empty_columns_are_not_told(tmp_path: Path) -> None:
+    assert read(tmp_path, PLAIN.replace("\n", ",,\n")).unused == ()
+
+
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_tensile(tmp_path / "none.csv")
