@@ -486,8 +486,8 @@ class _Piece:
     texts: Mapping[str, str]
 
 
-_PER_CENT = re.compile(rb'(?s)<cellXfs.*numFmtId="(9|10)"|formatCode="[^"]*%|type="percentage"')
-"""A format of a workbook: XLSX's own two (ECMA-376, 18.8.30) and any other; of ODS each cell's."""
+_STYLED = re.compile(rb'<(?:\w+:)?c\s+r="([A-Z]+\d+)"[^>]*?\ss="(\d+)"')
+"""A cell of an XLSX: its place and its style."""
 
 
 def read_tensile(
@@ -555,10 +555,34 @@ def read_tensile(
         pieces = [piece for piece in pieces if piece not in means]
         notes.append(f"{path.name}: {', '.join(means.values())} of the others; left out")
     headed = data[:2] == b"PK" and any(one.factor == 0.01 for p in pieces for one in p.used)
-    if headed and any(_PER_CENT.search(content) for _, content in unpacked(data, path.name)):
+    if headed and _in_per_cent(dict(unpacked(data, path.name)), pieces):
         said = "headings in %, and cells in a format of per cent, where 12 % is the number 0.12"
         notes.append(Caution(f"{path.name}: {said}; if those are strains, give --unit-of strain=1"))
     return tuple(_tables(path, pieces, ordered, notes))
+
+
+def _in_per_cent(parts: Mapping[str, bytes], pieces: Sequence[_Piece]) -> bool:
+    """Say whether cells of a workbook that are read in % are in a format of per cent themselves.
+
+    In an ODS each says so, in an XLSX by a style: of Excel's own two formats (ECMA-376, 18.8.30),
+    or of any other.
+    """
+    said = parts.get("xl/styles.xml", b"")
+    codes = {b"9", b"10", *re.findall(rb'numFmtId="(\d+)"\s+formatCode="[^"]*%', said)}
+    xfs = re.findall(rb'<(?:\w+:)?xf\b(?:[^>]*?numFmtId="(\d+)")?', said.partition(b"cellXfs")[2])
+    styles = {b"%d" % n for n, code in enumerate(xfs) if code in codes}
+    sheets = [{place for place, n in _STYLED.findall(p) if n in styles} for p in parts.values()]
+    return b'type="percentage"' in parts.get("content.xml", b"") or any(
+        {b"%s%d" % (_letters(column.at), line) for line in piece.lines} <= cells
+        for piece in pieces
+        for column in piece.used
+        for cells in sheets
+        if column.factor == 0.01
+    )
+
+
+def _letters(at: int) -> bytes:
+    return b"%c%c" % (64 + at // 26, 65 + at % 26) if at > 25 else b"%c" % (65 + at)
 
 
 def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:

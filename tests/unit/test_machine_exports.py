@@ -1110,6 +1110,9 @@ def test_a_workbook_says_how_far_a_heading_goes(tmp_path: Path) -> None:
         ('<numFmt numFmtId="164" formatCode="0.0%"/>', '<xf/><xf numFmtId="164"/>', True),
         # LibreOffice writes a style of per cent that no cell has.
         ('<cellStyleXfs><xf numFmtId="9"/></cellStyleXfs>', '<xf/><xf numFmtId="0"/>', False),
+        # A format that no cell has, and one that the column beside has alone.
+        ("", '<xf numFmtId="9"/><xf numFmtId="0"/>', False),
+        ("", '<xf/><xf numFmtId="0"/><xf numFmtId="10"/>', False),
     ],
 )
 def test_cells_in_a_format_of_per_cent_are_warned_of(
@@ -1122,9 +1125,10 @@ def test_cells_in_a_format_of_per_cent_are_warned_of(
     data = (
         "<sheetData>"
         + "".join(
-            f"<row>{''.join(f'<c t={kind}><v>{cell}</v></c>' for cell in row)}</row>"
-            for row in rows
-            for kind in ['"str"' if row is rows[0] else '"n" s="1"']
+            f'<row><c r="A{n}" s="1" t="{kind}"><v>{strain}</v></c>'
+            f'<c r="B{n}" s="2" t="{kind}"><v>{stress}</v></c></row>'
+            for n, (strain, stress) in enumerate(rows, start=1)
+            for kind in ["str" if n == 1 else "n"]
         )
         + "</sheetData>"
     )
