@@ -691,10 +691,20 @@ def _blocks(grid: _Grid) -> list[_Block]:
         wanted = sum(h.meaning not in ("", "specimen") for h in headings)
         least = 2 if own is not None or found else wanted
         data, at = _numbers_below(grid, headings, at, own is not None, least)
-        if data or own is not None:
+        few = own is None and found and 0 < 4 * len(data) < len(found[-1].rows)
+        if few and _is_of_results(grid, start, data[0]):
+            headings = None
+        elif data or own is not None:
             found.append(_Block(grid, start, data[0] if own is None else head, headings, data))
         start = at if data else start
     return found
+
+
+def _is_of_results(grid: _Grid, start: int, first: int) -> bool:
+    """Say whether numbers stand below headings as of results: "Maximum Load", "Modulus"."""
+    heads = ([cell for cell in cells if cell] for _, cells in grid.rows[start:first])
+    heads = (cells for cells in heads if len(cells) > 1 and not any(map(grid.is_number, cells)))
+    return any(_SIGNS["figure"].search(_folded(cell)) for cells in heads for cell in cells)
 
 
 def _under(grid: _Grid, head: int) -> list[list[str]]:

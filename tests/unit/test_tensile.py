@@ -242,6 +242,38 @@ def test_empty_columns_are_not_told(tmp_path: Path) -> None:
     assert read(tmp_path, PLAIN.replace("\n", ",,\n")).unused == ()
 
 
+RESULTS = "{},Maximum Load (N),Modulus (MPa)\n1,9.1,0.91\n2,9.3,0.93\n3,9.0,0.88\nMean,9.1,0.91\n"
+
+
+@pytest.mark.parametrize(
+    "results",
+    [
+        "Results Table 1\n" + RESULTS.format(""),
+        RESULTS.format("Specimen"),
+        "Results\n,Maximale Kraft,E-Modul,Bruchdehnung\n,(N),(MPa),(%)\n1,9.12,0.91,80\n"
+        "2,9.3,0.93,80\n3,9,0.88,80\nSD,0.1,0.02,0\n",
+        "Specimen,Fmax,Emod\n,N,MPa\n1,9.1,0.91\n2,9.3,0.93\n",
+    ],
+)
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_table_of_results_behind_several_records_is_left_out_and_said_to_be(
+    tmp_path: Path, results: str, beside: bool
+) -> None:
+    """It was read as one record more, or refused with advice that led to the same refusal."""
+    heads, points = "Time (s),Travel (mm),Load (N)", [f"{n},{2 * n},{n**0.5}" for n in range(50)]
+    if beside:
+        lines = ["S1,,,S2,,", f"{heads},{heads}", *(f"{point},{point}" for point in points), ""]
+    else:
+        lines = [line for n in (1, 2) for line in (f"Specimen S{n}", heads, *points, "")]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([*lines, results]))
+    tables = read_tensile(path)
+    assert [table.specimen for table in tables] == ["S1", "S2"]
+    assert [len(table.lines) for table in tables] == [50, 50]
+    said = f"a.csv: what stands from line {len(lines) + 1} on is no part of the record"
+    assert tables[-1].notes == (said,)
+
+
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_tensile(tmp_path / "none.csv")
