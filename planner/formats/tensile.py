@@ -486,7 +486,7 @@ class _Piece:
     texts: Mapping[str, str]
 
 
-_STYLED = re.compile(rb'<(?:\w+:)?c\s+r="([A-Z]+\d+)"[^>]*?\ss="(\d+)"')
+_STYLED = re.compile(rb'<(?:\w+:)?c\s+r="([A-Z]+\d+)"[^<>]*?\ss="(\d+)"')
 """A cell of an XLSX: its place and its style."""
 
 
@@ -569,14 +569,13 @@ def _in_per_cent(parts: Mapping[str, bytes], pieces: Sequence[_Piece]) -> bool:
     """
     said = parts.get("xl/styles.xml", b"")
     codes = {b"9", b"10", *re.findall(rb'numFmtId="(\d+)"\s+formatCode="[^"]*%', said)}
-    xfs = re.findall(rb'<(?:\w+:)?xf\b(?:[^>]*?numFmtId="(\d+)")?', said.partition(b"cellXfs")[2])
+    xfs = re.findall(rb'<(?:\w+:)?xf\b(?:[^<>]*?numFmtId="(\d+)")?', said.partition(b"cellXfs")[2])
     styles = {b"%d" % n for n, code in enumerate(xfs) if code in codes}
-    sheets = [{place for place, n in _STYLED.findall(p) if n in styles} for p in parts.values()]
+    cells = {cell for part in parts.values() for cell, n in _STYLED.findall(part) if n in styles}
     return b'type="percentage"' in parts.get("content.xml", b"") or any(
         {b"%s%d" % (_letters(column.at), line) for line in piece.lines} <= cells
         for piece in pieces
         for column in piece.used
-        for cells in sheets
         if column.factor == 0.01
     )
 
