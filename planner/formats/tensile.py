@@ -811,7 +811,7 @@ def _numbers_below(
             words == filled and (filled or not found or not _names_alone(grid, named, row))
         ):
             if found or not headed or headings_of(cells) is not None:
-                return found, row if found or headed else row + 1
+                return found, row if found or headed or row > at else row + 1
         elif not found and len(filled) - len(words) < least:
             return found, row + 1
         elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, row):

@@ -120,6 +120,21 @@ def test_specimens_in_one_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.lines, [2, 4])
 
 
+def test_a_head_behind_a_name_and_a_blank_line_is_that_of_its_block(tmp_path: Path) -> None:
+    """It was skipped, and load and travel were read by the head before: one for the other."""
+    rows = [(i, 2.0 * i, 0.5 * i) for i in range(8)]
+    first = "\n".join(f"{t},{load},{travel}" for t, load, travel in rows)
+    second = "\n".join(f"{t},{travel},{load}" for t, load, travel in rows)
+    path = tmp_path / "two.csv"
+    path.write_text(
+        f"Specimen A\nTime (s),Load (N),Travel (mm)\n{first}\n"
+        f"Specimen B\n\nTime (s),Travel (mm),Load (N)\n{second}\n"
+    )
+    for table in read_tensile(path):
+        assert table.columns["force_N"][-1] == 14.0
+        assert table.columns["displacement_mm"][-1] == 3.5
+
+
 def test_columns_by_position_in_a_file_without_headings(tmp_path: Path) -> None:
     path = tmp_path / "treloar.txt"
     path.write_text("   0.0255    1.0200\n   0.1344    1.1250\n")
