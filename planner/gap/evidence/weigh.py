@@ -1096,19 +1096,18 @@ mixture or of what specimens are unlike by, in which any effect's form is off.""
 def _counted_of(evidence: Evidence, priors: Priors) -> Mapping[HypothesisKey, float]:
     """Return how much of each hypothesis' log evidence counts.
 
-    A form is off along its effect's own axes. What the other one of two effects explains along
-    columns alone, none of them the first's, is no such error: it counts as if it were found alone.
+    A form is off along its effect's own axes. What the weaker one of two effects explains along
+    columns alone, none of them the other's, is no such error: it counts as if it were found alone.
     Of three it does not, as orientation then was named beside two effects that were all.
     """
     found, axes = evidence.log_evidence, evidence.axes
     counts = _counted(found, priors)
     counted = {key: counts * value for key, value in found.items()}
-    for both, axis in found:
-        gains = [0.0]
-        for one, other in permutations(both) if len(both) == 2 else ():
-            if set(axes.get(one, ("",))) <= _COLUMNS - set(axes.get(other, ())):
-                gains.append(found.get((both, ""), -np.inf) - found.get(((other,), ""), np.inf))
-        counted[both, axis] += max(gain * (priors.counted(gain) - counts) for gain in gains)
+    for both, axis in (key for key in found if len(key[0]) == 2):
+        weaker, other = sorted(both, key=lambda id: found.get(((id,), ""), -np.inf))
+        if set(axes.get(weaker, ("",))) <= _COLUMNS - set(axes.get(other, ())):
+            gain = max(found.get((both, ""), -np.inf) - found.get(((other,), ""), np.inf), 0.0)
+            counted[both, axis] += max(gain * (priors.counted(gain) - counts), 0.0)
     return counted
 
 
