@@ -43,7 +43,10 @@ def recorded() -> Iterator[dict[str, tuple[str, list[Any]]]]:
     def entry(loop: Any, arguments: tuple[Any, ...]) -> Any:
         path = loop._path(arguments)
         name = f"{loop.py_func.__module__}.{loop.py_func.__name__}"
-        met.setdefault(path.name, (name, [told(value) for value in arguments]))
+        types = [told(value) for value in arguments]
+        again = map(compilation_cache._of_type, json.loads(json.dumps(types)))
+        assert loop._path(tuple(again)) == path, f"{name}: its types cannot be listed"
+        met.setdefault(path.name, (name, types))
         return found(loop, arguments)
 
     compilation_cache.Loop._entry = entry  # type: ignore[method-assign]
@@ -90,7 +93,8 @@ def loops_met(command: str, folder: Path) -> list[Any]:
     """Run a command in a process of its own; return each loop that it met and its types."""
     code = "import json, sys; from planner.cli import run; from benchmarks import first_run as f\n"
     code += "with f.recorded() as met: run(sys.argv[1:])\nprint(json.dumps(list(met.values())))"
-    written = run_here(code, folder, *COMMANDS[command], "--quiet", PYTHONPATH=str(ROOT))
+    words = [*COMMANDS[command], "--force", "--quiet"]
+    written = run_here(code, folder, *words, PYTHONPATH=str(ROOT))
     return list(json.loads(written))
 
 

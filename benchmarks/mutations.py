@@ -293,7 +293,7 @@ def made_map(there: Path, path: Path, words: Sequence[str]) -> dict[str, dict[st
         path.write_text(json.dumps(made))
     told = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "--collect-only", *words, "-n", "0"],
-        cwd=there, env={**os.environ, "PYTHONPATH": str(there)}, check=False,
+        cwd=there, env={**os.environ, "PYTHONPATH": str(there)}, check=True,
         stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     there_now = set(told.stdout.splitlines())

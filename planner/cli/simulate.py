@@ -135,7 +135,6 @@ def simulate(
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
-        compile_ahead("simulate")
         solve, other = other, solve
         why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
     takes = signature(solve).parameters
@@ -167,6 +166,8 @@ def simulate(
     ]
     for paths in each:
         cli.check_targets(force=force, reads=(), **whole_files, **paths)
+    if whole:
+        compile_ahead("simulate")
     with cli.progress(whole) as stage:
         found = cli.run(solve, between_mm=between, cases=held, progress=stage)
         results = found if whole else (found,)

@@ -7,7 +7,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import dropwhile, permutations, takewhile
+from itertools import dropwhile, permutations, product, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -571,10 +571,10 @@ def _in_per_cent(parts: Mapping[str, bytes], pieces: Sequence[_Piece]) -> bool:
     codes = {b"9", b"10", *re.findall(rb'numFmtId="(\d+)"\s+formatCode="[^"]*%', said)}
     xfs = re.findall(rb'<(?:\w+:)?xf\b(?:[^<>]*?numFmtId="(\d+)")?', said.partition(b"cellXfs")[2])
     styles = {b"%d" % n for n, code in enumerate(xfs) if code in codes}
-    cells = {cell for part in parts.values() for cell, n in _STYLED.findall(part) if n in styles}
+    sheets = [{place for place, n in _STYLED.findall(p) if n in styles} for p in parts.values()]
     return b'type="percentage"' in parts.get("content.xml", b"") or any(
         {b"%s%d" % (_letters(column.at), line) for line in piece.lines} <= cells
-        for piece in pieces
+        for piece, cells in product(pieces, sheets)
         for column in piece.used
         if column.factor == 0.01
     )
@@ -700,10 +700,12 @@ def _blocks(grid: _Grid) -> list[_Block]:
 
 
 def _is_of_results(grid: _Grid, start: int, first: int) -> bool:
-    """Say whether numbers stand below headings as of results: "Maximum Load", "Modulus"."""
-    heads = ([cell for cell in cells if cell] for _, cells in grid.rows[start:first])
-    heads = (cells for cells in heads if len(cells) > 1 and not any(map(grid.is_number, cells)))
-    return any(_SIGNS["figure"].search(_folded(cell)) for cells in heads for cell in cells)
+    """Say whether numbers stand below two headings as of results: "Maximum Load", "Modulus".
+
+    One may be what is said of a record, as "Break type,ductile".
+    """
+    above = (map(_folded, cells) for _, cells in grid.rows[start:first])
+    return any(len([*filter(_SIGNS["figure"].search, cells)]) > 1 for cells in above)
 
 
 def _under(grid: _Grid, head: int) -> list[list[str]]:

@@ -120,6 +120,16 @@ def test_specimens_in_one_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.lines, [2, 4])
 
 
+def test_a_short_record_that_is_said_to_have_broken_is_no_table_of_results(tmp_path: Path) -> None:
+    head = "Time (s),Load (N),Travel (mm)\n"
+    first, second = ("".join(f"{i},{2 * i},{0.5 * i}\n" for i in range(n)) for n in (40, 8))
+    text = f"Specimen 1\n{head}{first}Specimen 2\nBreak type,ductile\n{second}"
+    path = tmp_path / "two.csv"
+    path.write_text(text)
+    tables = read_tensile(path)
+    assert [(table.specimen, len(table.lines)) for table in tables] == [("1", 40), ("2", 8)]
+
+
 def test_a_head_behind_a_name_and_a_blank_line_is_that_of_its_block(tmp_path: Path) -> None:
     """It was skipped, and load and travel were read by the head before: one for the other."""
     rows = [(i, 2.0 * i, 0.5 * i) for i in range(8)]

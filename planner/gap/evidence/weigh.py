@@ -1106,8 +1106,8 @@ def _counted_of(evidence: Evidence, priors: Priors) -> Mapping[HypothesisKey, fl
     for both, axis in (key for key in found if len(key[0]) == 2):
         weaker, other = sorted(both, key=lambda id: found.get(((id,), ""), -np.inf))
         if set(axes.get(weaker, ("",))) <= _COLUMNS - set(axes.get(other, ())):
-            gain = max(found.get((both, ""), -np.inf) - found.get(((other,), ""), np.inf), 0.0)
-            counted[both, axis] += max(gain * (priors.counted(gain) - counts), 0.0)
+            gain = max(0.0, found.get((both, ""), -np.inf) - found.get(((other,), ""), np.inf))
+            counted[both, axis] += max(0.0, gain * (priors.counted(gain) - counts))
     return counted
 
 
