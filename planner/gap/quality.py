@@ -26,9 +26,12 @@ from planner.gap.segments import (
     unloading_share,
 )
 from planner.materials.characterise import (
+    BROKEN_SHARE,
     MINIMUM_POINTS,
+    SPIKE_NOISE,
     SPIKE_STEP,
     UNLOADED_SHARE,
+    WIDEST_SPIKE,
     noise_sd,
     spikes_in,
 )
@@ -89,6 +92,44 @@ def _clipping(s: Specimen) -> Iterator[str]:
         yield (
             f"force stands at {float(s.force_N[start]):.4g} N over {stop - start} points from "
             f"strain {s.strain[start]:.3g} while the crosshead moves on; the load cell's limit?"
+        )
+
+
+# ------------------------------------------------------------------------------------------------
+# Force that falls at once while the crosshead moves on.
+
+
+_FALL = 0.05
+"""Of the largest force. Chosen: what specimens differ by; behind a yield point it falls slowly."""
+
+
+def _falls(s: Specimen) -> Iterator[str]:
+    """Yield a slip in the grips or a tear, after which the specimen bears load again.
+
+    In as many points as a spike has the force falls by far more than it moves around these, and
+    does not leap back. What breaks bears none: records often end some points behind that.
+    """
+    keep = ~spikes_in(s.load_N)
+    if keep.sum() < MINIMUM_POINTS:
+        return
+    force, way, strain = s.load_N[keep], s.travel_mm[keep], s.strain[keep]
+    around = np.pad(np.abs(np.diff(force)), 2 * WIDEST_SPIKE, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view
+    usual = SPIKE_STEP * np.median(windows(around, 4 * WIDEST_SPIKE + 1), axis=1)
+    least = max(SPIKE_NOISE * noise_sd(force), _FALL * float(np.max(force)))
+    # Not where the crosshead turns: real ones let go of much at once there.
+    onwards = windows(np.diff(way), 2 * WIDEST_SPIKE).min(axis=1) > 0.0
+    n, later = len(onwards), np.maximum.accumulate(force[::-1])[::-1]
+    ahead = windows(force, WIDEST_SPIKE + 1)[:n]
+    falls = ahead[:, :1] - ahead[:, 1:]
+    sudden = falls > np.maximum(least, usual[:n, None] * np.arange(1, WIDEST_SPIKE + 1))
+    borne = later[WIDEST_SPIKE:][:n] > BROKEN_SHARE * force[:n]
+    fall = np.where(onwards & borne & sudden.any(axis=1), falls.max(axis=1), 0.0)
+    if fall[at := int(np.argmax(fall))] > 0.0:
+        yield (
+            f"force falls by {fall[at]:.4g} N at strain {strain[at]:.3g} while the "
+            "crosshead moves on. Did the specimen slip in its grips, or tear? If so, leave it out, "
+            "or end its record there"
         )
 
 
@@ -749,6 +790,7 @@ def examine(campaign: Campaign, model: ObservationModel) -> tuple[QualityProblem
         *_amplitudes(specimens),
         *_outlier_problems(specimens, judged),
         *_each("clipped", _clipping, live),
+        *_each("fall", _falls, live),
         *copies,
         *_each("dropout", _dropouts, specimens),
         *_each("spike", _spikes, specimens),

@@ -213,6 +213,17 @@ def spiked(s: Specimen, rng: Generator) -> dict[str, Any]:
     return {"force_N": force}
 
 
+def slipped(s: Specimen, rng: Generator) -> dict[str, Any] | None:
+    """Take a tenth to a third of a pull's travel from the specimen, at once and half way."""
+    if s.protocol != "monotonic":
+        return None
+    n, share = len(s.force_N), rng.uniform(0.1, 0.3)
+    at = int(rng.integers(n // 2, 3 * n // 4))
+    lost_mm = np.where(np.arange(n) < at, 0.0, share * s.displacement_mm[at])
+    way = np.maximum(s.displacement_mm - lost_mm, 0.0)
+    return {"force_N": np.interp(way, s.displacement_mm, s.force_N)}
+
+
 def dropped(s: Specimen, rng: Generator) -> dict[str, Any]:
     n = len(s.time_s)
     begin = int(rng.integers(5, n // 2))
@@ -264,6 +275,7 @@ FAULTS: Mapping[str, tuple[str, Fault]] = {
     "another protocol": ("protocol", one(relabelled)),
     "clipped force": ("clipped", one(clipped)),
     "spike of 30 %": ("spike", one(spiked)),
+    "slip in the grips": ("fall", one(slipped)),
     "tenth of the points lost": ("dropout", one(dropped)),
     "copied curve": ("duplicate", copied),
     "width in inches": ("size", one(lambda s, _: {"width_mm": 6 / 25.4})),

@@ -360,6 +360,32 @@ def test_a_yield_plateau_is_no_clipping() -> None:
     assert "clipped" not in kinds_of(replace(s, force_N=np.round(force, 4)))
 
 
+def test_a_slip_in_the_grips_is_named() -> None:
+    """From half way on the specimen is stretched by 1.5 mm less than the crosshead moves."""
+    specimens = base()
+    s = specimens[3]
+    slipped_mm = np.where(np.arange(len(s.force_N)) < 100, 0.0, 1.5)
+    force = np.interp(s.displacement_mm - slipped_mm, s.displacement_mm, s.force_N)
+    specimens[3] = replace(s, force_N=force)
+    (problem,) = found(specimens, "fall")
+    assert problem.specimen == "S3"
+    assert (
+        f"falls by {force[99] - force[100]:.4g} N at strain {s.strain[99]:.3g}" in problem.problem
+    )
+
+
+def test_a_break_at_the_end_and_a_slow_fall_are_no_slip() -> None:
+    """A record may hold a few points behind the break; a yield point takes some strain to pass."""
+    s = specimen(0)
+    force = s.force_N.copy()
+    force[-5:] = 0.0
+    assert "fall" not in kinds_of(replace(s, force_N=force))
+    yielding = (
+        30.0 * (1.0 - 0.3 / (1.0 + np.exp(-(s.strain - 0.3) / 0.02))) * np.tanh(s.strain / 0.05)
+    )
+    assert "fall" not in kinds_of(replace(s, force_N=yielding))
+
+
 def test_copies_are_named() -> None:
     specimens = base()
     first = specimens[0]
@@ -470,8 +496,9 @@ def test_a_force_that_leaps_at_the_end_met_a_stop(broke: bool) -> None:
     force[90:] = 0.0 if broke else force[90:]
     force[-3:] += [3.0, 12.0, 25.0]
     specimens[1] = replace(specimens[1], force_N=force)
-    (problem,) = found(specimens, "spike")
-    assert "at its end" in problem.problem
+    problems = {p.kind: p.problem for p in examine(campaign(*specimens))}
+    assert set(problems) == ({"fall", "spike"} if broke else {"spike"})
+    assert "at its end" in problems["spike"]
 
 
 def test_turns_breaks_and_denser_sampling_are_neither_spikes_nor_gaps() -> None:
