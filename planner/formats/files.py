@@ -106,7 +106,7 @@ def path_within(folder: str | Path, name: str) -> Path:
     """
     path = Path(folder) / name
     asked = "cannot be read ({}); check the name"
-    # A ValueError tells a zero byte, a RuntimeError a loop of links.
+    # A ValueError tells a zero byte, a RuntimeError a loop of links before Python 3.13.
     with refused(FileError, path, asked, OSError, ValueError, RuntimeError):
         root, place = Path(folder).resolve(), path.resolve()
         # What is a drive or a root on one machine is so on all.
@@ -115,7 +115,8 @@ def path_within(folder: str | Path, name: str) -> Path:
                 f"{folder}: {name!r}, which is named there, lies outside the folder; it was not "
                 "read: put it into the folder, and name it by its path from there"
             )
-        mode = place.stat().st_mode if place.exists() else stat.S_IFREG
+        there = place.exists() or place.is_symlink()  # itself in a loop of links
+        mode = place.stat().st_mode if there else stat.S_IFREG
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise FileError(f"{path}: is a device, a pipe or a socket; it was not read: give a file")
     return path

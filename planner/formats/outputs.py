@@ -209,7 +209,11 @@ def check_absent(path: _Place, *, force: bool) -> None:
 
 
 def _check_link(path: Path, other: str, *, force: bool) -> None:
-    if path.is_symlink() and not path.exists() and not force:
+    if not path.is_symlink() or path.exists():
+        return
+    with contextlib.suppress(FileNotFoundError):
+        path.stat()  # which a loop of links refuses
+    if not force:
         raise OutputError(
             f"{path}: is a link to {path.readlink()}, where nothing is; make that with `force`, "
             f"or {other}"

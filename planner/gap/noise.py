@@ -145,8 +145,8 @@ class NoisyFeatures:
         level = scatter.batch * np.where(table.is_field, 0.0, self.sensitivity)
         columns = level[:, None] * (batch_of[table.specimen][:, None] == batches)
         columns = columns if len(batches) > 1 else columns[:, :0]
-        roots = [np.linalg.inv(np.linalg.cholesky(block)) for block in blocks]
-        return SpecimenNoise(rows, blocks, csr_array(block_diag(roots)), columns)
+        roots = [csr_array(np.linalg.inv(np.linalg.cholesky(block))) for block in blocks]
+        return SpecimenNoise(rows, blocks, block_diag(roots, format="csr"), columns)
 
     def _block(self, scatter: Scatter, rows: slice) -> FloatArray:
         """Return the covariance of one specimen's rows, (d, d): forces, then strains of a bar."""

@@ -263,7 +263,8 @@ def _inverse_root_of_tests(courses: FloatArray, test: IntArray) -> csr_array:
     rows = np.split(order, np.flatnonzero(np.diff(test[order])) + 1)
     factors = [np.linalg.cholesky(np.eye(len(of)) + courses[of] @ courses[of].T) for of in rows]
     back = np.argsort(order)
-    return csr_array(block_diag(list(map(np.linalg.inv, factors))))[back][:, back]
+    roots = [csr_array(np.linalg.inv(factor)) for factor in factors]
+    return csr_array(block_diag(roots))[back][:, back]
 
 
 # ------------------------------------------------------------------------------------------------
