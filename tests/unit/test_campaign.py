@@ -406,6 +406,18 @@ def test_a_record_counts_from_no_load_as_it_does_in_a_fit(
     assert f"specimen S1: travel counts from {said}, not from 0 as recorded" in campaign.limitations
 
 
+def test_slack_that_was_taken_off_the_travel_stays_off(folder: Path) -> None:
+    """0 stands where the pull begins; before it nothing but noise of the load cell is borne."""
+    travel = np.linspace(-1.5, 8.5, 41)
+    taut = np.maximum(travel, 0.0)
+    force = 5.0 * (1.0 - np.exp(-taut / 5.0)) + 0.02 * np.sin(40.0 * travel)
+    rows = "".join(f"S1,{x:.9g},{x:.9g},{f:.9g}\n" for x, f in zip(travel, force, strict=True))
+    (folder / "curves.csv").write_text(f"specimen,time_s,displacement_mm,force_N\n{rows}")
+    campaign = read_campaign(folder)
+    np.testing.assert_allclose(campaign.specimens[0].displacement_mm, travel, atol=1e-8)
+    assert "counts from" not in " ".join(campaign.limitations)
+
+
 def test_a_push_from_a_preload_on_is_one_as_it_is_in_a_fit(folder: Path) -> None:
     travel = np.linspace(0.0, -10.0, 41)[10:]
     force = 5.0 * (np.exp(travel / 5.0) - 1.0)  # from 45 % of the largest on
