@@ -141,6 +141,23 @@ def test_what_nothing_tells_of_the_cells_is_not_called_exact(tmp_path, capsys) -
     assert "take smaller cells or more steps" in torn.findings[-1].message
 
 
+def test_what_symmetry_holds_in_place_tells_nothing_of_the_cells() -> None:
+    """The faces of a cavity between held ends move apart, on the mean by nothing: no error is its.
+
+    That of the side that is watched is told alone.
+    """
+    walls = (np.concatenate([10 * BOX, 2 + 6 * BOX]), np.concatenate([FACES, FACES[:, ::-1] + 8]))
+    found = simulate(
+        walls, fix=["x=min", "x=max"], pressure="cavity: 1 kPa", watch="y=max uy", cell_mm=1.6,
+        steps=1, compare_cells=True,
+    ).discretisation  # fmt: skip
+    assert found is not None
+    cavity, *_, watched = found.errors
+    assert cavity is None
+    assert found.largest == watched
+    assert 0.0 < watched < 0.3
+
+
 def test_forces_are_in_balance_and_work_is_stored(bent: planner.PartSimulation) -> None:
     load, held, watched = bent.steps.responses
     assert [load.kind, held.kind, watched.kind] == ["load", "fix", "watch"]
