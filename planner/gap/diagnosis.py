@@ -151,7 +151,9 @@ class FoundEffect:
     def text(self) -> str:
         """Its parameters with their units, and which specimens have it, if some alone do."""
         said = ", ".join(
-            f"{name} {value:.3g}{'' if (unit := self.units.get(name, '1')) == '1' else ' ' + unit}"
+            f"{name.removeprefix('log_')} {math.exp(value):.3g} times"
+            if name.startswith("log_")
+            else f"{name} {value:.3g} {self.units.get(name, '1')}".removesuffix(" 1")
             for name, value in self.parameters.items()
         )
         return f"{said}, of {named(self.specimens)} alone" if self.specimens else said

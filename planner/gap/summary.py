@@ -352,12 +352,13 @@ def next_command(
         units = "".join(f" --unit-of {quote(unit.text)}" for unit in found.unit_of)
         return f"planner gap diagnose {quote(str(campaign or Path('CAMPAIGN')))}{asked}{units}"
     effects = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
-    # What comes with advice of its own, as a wrong gauge length, changes no palette.
-    of_palette = [effect for effect in effects if effect.advice is None]
-    if not of_palette or at is None:
+    if not effects or at is None:
         return ""
+    # What comes with advice of its own, as a wrong gauge length, changes no palette: it is told.
+    if all(effect.advice for effect in effects):
+        return f"planner gap correct {quote(str(at))}"
     use = ""
-    for condition in dict.fromkeys(effect.condition for effect in of_palette if effect.condition):
+    for condition in dict.fromkeys(effect.condition for effect in effects if effect.condition):
         if levels := found.tested.get(condition):
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"

@@ -1,6 +1,7 @@
 """planner gap diagnose as its users meet it, the search for a diagnosis replaced."""
 
 import json
+import math
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -180,6 +181,27 @@ def test_another_unit_is_named_in_the_next_command(
     run(["gap", "diagnose", "lab", *said])
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == f"next: planner gap diagnose lab {' '.join(said)} --unit-of {units[0].text}"
+
+
+def test_what_changes_no_palette_is_told_by_the_command_that_follows(
+    campaign, monkeypatch, capsys, examples: Examples
+) -> None:
+    """A gain as the factor that it is, not as its logarithm, with what to do to the forces."""
+    palette = read_campaign(campaign).palette
+    gain = FoundEffect("force-scale", "gain", {"log_gain": math.log(1.21)}, {}, {})
+    found = replace(
+        examples["rate"], verdict="force-scale", unit_of=(), effect=(gain,), palette=palette.name,
+        palette_sha256=palette.sha256,
+    )  # fmt: skip
+    stub(monkeypatch, found)
+    run(["gap", "diagnose", "lab", "-o", "out"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "next: planner gap correct out"
+    run(shlex.split(last.removeprefix("next: planner ")))
+    printed = capsys.readouterr()
+    told = printed.out + printed.err
+    assert "(gain 1.21 times)" in told
+    assert "divide the forces by the gain" in told
 
 
 def test_of_nothing_no_command_follows(campaign, monkeypatch, capsys, examples: Examples) -> None:
