@@ -217,6 +217,7 @@ class _Source:
     law: Law | None
     notes: list[str]
     """What was corrected, without naming the specimen."""
+    zeroed_at_preload: bool = False
 
 
 def _record_of(source: _Source) -> dict[str, Any]:
@@ -240,8 +241,9 @@ def _record_of(source: _Source) -> dict[str, Any]:
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     if not np.any(force):
         raise FileError(f"{where}: the force is 0 all along; check the load cell and the column")
-    if abs(travel[0]) > UNLOADED_SHARE * np.ptp(travel):
-        start_mm, told_by = place_of_no_load(travel, force)
+    preloaded = source.zeroed_at_preload
+    if preloaded or abs(travel[0]) > UNLOADED_SHARE * np.ptp(travel):
+        start_mm, told_by = place_of_no_load(travel, force, preloaded=preloaded)
         if told_by:
             notes.append(f"travel counts from {told_by}, not from 0 as recorded")
         travel = travel - start_mm
@@ -419,6 +421,7 @@ class CampaignFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     printer: str
     palette: str | None = None
     notes: str = ""
+    zeroed_at_preload: bool = False
 
     def palette_in(self, folder: Path, given: str | Path | Palette | None = None) -> Palette:
         """Load a campaign's palette.
@@ -528,7 +531,7 @@ def read_campaign(
     for stray in (specimen for specimen in fields.rows if specimen not in covariates):
         noted[f"in {_FIELDS} but no row in {SPECIMENS}; left out"].append(stray)
     units = stated_units(unit_of, {row.specimen: row.material for row in rows})
-    reader = ListReader(folder / SPECIMENS, palette)
+    reader = ListReader(folder / SPECIMENS, palette, zeroed_at_preload=file.zeroed_at_preload)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
@@ -559,8 +562,8 @@ def read_campaign(
 class ListReader:
     """What the rows of a list of specimens stand for; what they name lies in the list's folder."""
 
-    def __init__(self, file: Path, palette: Palette) -> None:
-        self.palette, self._file = palette, file
+    def __init__(self, file: Path, palette: Palette, *, zeroed_at_preload: bool = False) -> None:
+        self.palette, self._file, self._preloaded = palette, file, zeroed_at_preload
         self._part, self._profiles = cache(self._part_test), dict[str, Path]()
 
     def fields(self, row: Row) -> tuple[dict[str, Any], list[str]]:
@@ -649,7 +652,8 @@ class ListReader:
                 )
         said = "tension" if row.part else said_mode(row, in_file)
         law = make_law(self.palette.resolve(row.material).law) if row.material else None
-        fields |= _record_of(_Source(where, table, row, fields["gauge_mm"], said, law, notes))
+        of_gauge = (fields["gauge_mm"], said, law, notes, self._preloaded)
+        fields |= _record_of(_Source(where, table, row, *of_gauge))
         notes += table.notes
         if row.part and row.specimen in measured.rows:
             notes.append("strains along a whole part are not compared; left out")

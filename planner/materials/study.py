@@ -261,12 +261,14 @@ _FIRST = 6
 enough for a line."""
 
 
-def place_of_no_load(length: FloatArray, load: FloatArray) -> tuple[float, str]:
+def place_of_no_load(
+    length: FloatArray, load: FloatArray, *, preloaded: bool = False
+) -> tuple[float, str]:
     """Return the travel or strain at no load, and what tells it; 0 and "" if it counts from there.
 
     No load is where a line through the first rows says, or the first row if it has hardly any, or
     if all bear the same: a preload that is held. Where hardly any is borne up to 0, slack was taken
-    off, and 0 holds.
+    off, and 0 holds. `preloaded`: it was set to 0 where a preload stood.
     """
     first, middle = float(length[0]), float(np.mean(load[:_FIRST]))
     unloaded = np.abs(load) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
@@ -276,10 +278,11 @@ def place_of_no_load(length: FloatArray, load: FloatArray) -> tuple[float, str]:
     rows = np.vander(load[:_FIRST] - middle, 2)
     slope, level = np.linalg.lstsq(rows, length[:_FIRST], rcond=None)[0].tolist()
     start = level - slope * middle
-    if abs(start) <= abs(start - first):
+    if not preloaded and abs(start) <= abs(start - first):
         return 0.0, ""
     farthest = float(length[np.argmax(np.abs(length - first))])
-    if unloaded[0] or not np.ptp(load[:_FIRST]) or (start - first) * (farthest - first) > 0.0:
+    little = unloaded[0] and not preloaded
+    if little or not np.ptp(load[:_FIRST]) or (start - first) * (farthest - first) > 0.0:
         return first, "its first value"
     return start, f"no load, by a line through its first {_FIRST} rows"
 

@@ -418,6 +418,23 @@ def test_slack_that_was_taken_off_the_travel_stays_off(folder: Path) -> None:
     assert "counts from" not in " ".join(campaign.limitations)
 
 
+def test_a_travel_that_was_zeroed_at_a_preload_counts_from_no_load(folder: Path) -> None:
+    """As campaign.toml says: a load cell that shows as much at rest looks the same."""
+    travel = np.linspace(0.0, 10.0, 101)[3:]  # from a twentieth of the largest load on
+    force = 5.0 * (1.0 - np.exp(-travel / 5.0))
+    rows = "".join(
+        f"S1,{x:.9g},{x - travel[0]:.9g},{f:.9g}\n" for x, f in zip(travel, force, strict=True)
+    )
+    (folder / "curves.csv").write_text(f"specimen,time_s,displacement_mm,force_N\n{rows}")
+    (as_recorded,) = read_campaign(folder).specimens
+    assert as_recorded.displacement_mm[0] == 0.0
+    with (folder / "campaign.toml").open("a") as file:
+        file.write("\nzeroed_at_preload = true\n")
+    (specimen,) = read_campaign(folder).specimens
+    # A line through the first rows misses the curve's bend.
+    np.testing.assert_allclose(specimen.displacement_mm, travel, atol=0.04)
+
+
 def test_a_push_from_a_preload_on_is_one_as_it_is_in_a_fit(folder: Path) -> None:
     travel = np.linspace(0.0, -10.0, 41)[10:]
     force = 5.0 * (np.exp(travel / 5.0) - 1.0)  # from 45 % of the largest on
