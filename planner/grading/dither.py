@@ -482,8 +482,8 @@ class CellDesign:
                 message = (
                     f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
                     f"{stretch.stop:.4g}, {100 * achieved:.1f} % is {upper} where "
-                    f"{100 * wanted:.1f} % is wanted: the gradient is too steep for cells of "
-                    f"{self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
+                    f"{100 * wanted:.1f} % is wanted: the gradient is too steep, or jumps, for "
+                    f"cells of {self.dealt.cell_mm:g} mm; {cure} or a gentler profile"
                 )
                 findings.append(Finding("cell", message, upper, size_mm=self.dealt.cell_mm))
         return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
