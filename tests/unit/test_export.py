@@ -18,6 +18,7 @@ from planner.mesh.mesh import Mesh
 from planner.printers import palette_of
 from planner.simulation.export import _FACE_NODES as FACE_NODES
 from planner.simulation.export import _hexahedra as hexahedra
+from planner.simulation.export import _mixtures as mixtures
 
 
 def box(*extents: float) -> Mesh:
@@ -207,6 +208,16 @@ def test_a_moment_is_forces_at_nodes_that_add_up_to_none():
         moment += np.cross(place[int(node)] - [8.0, 2.0, 1.0], pull)
     np.testing.assert_allclose(total, 0.0, atol=1e-7)
     np.testing.assert_allclose(moment, [1.0, 2.0, 3.0], atol=1e-6)
+
+
+def test_mixtures_spread_evenly_are_made_of_equal_parts(palette):
+    """Each material then stands for as many cells as any other, in the middle of them."""
+    spread = np.linspace(0.0, 1.0, 960)
+    means, of_cell, (note,) = mixtures(spread, CoefficientModel(palette), 0.5)
+    count, cells = len(means), 960 // len(means)
+    np.testing.assert_array_equal(np.bincount(of_cell), cells)
+    np.testing.assert_allclose(means, spread.reshape(count, cells).mean(axis=1), rtol=1e-12)
+    assert note.startswith(f"{count} materials stand for all mixtures")
 
 
 @pytest.mark.slow

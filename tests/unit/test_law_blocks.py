@@ -57,6 +57,8 @@ def test_what_yields_flows_or_says_that_it_stays_straight() -> None:
     rows = text.split("*PLASTIC\n")[1].split("*DENSITY")[0].split()
     first, last = float(rows[0].rstrip(",")), float(rows[-2].rstrip(","))
     assert first < 46.9 < last
+    # Abaqus and CalculiX both ask that the first plastic strain be zero.
+    assert float(rows[1]) == 0.0
     assert "straight" in planner.law_block(PALETTE.resolve("Vero"), "ansys")
     assert "*HYPERELASTIC, MARLOW" in planner.law_block(PALETTE.resolve("FLX9795"), "abaqus")
 

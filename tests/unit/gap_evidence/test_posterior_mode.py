@@ -14,6 +14,7 @@ from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _Stat
 from planner.gap.evidence.problem import Candidate, Problem, joined
 from planner.gap.evidence.weigh import (
     _in_all_forms,
+    _likelihoods,
     _with_parts_alone,
 )
 from planner.gap.observations import ObservationModel
@@ -62,6 +63,17 @@ def test_own_sizes_and_discrepancies_are_integrated_out_together(problem: Proble
     found = Likelihood(problem, discrepancy=0.02).elimination(residual, own=own)
     assert found.products[0, 0] == pytest.approx(left, rel=1e-9)
     assert found.none == pytest.approx(-0.5 * (np.linalg.slogdet(covariance)[1] + left), rel=1e-9)
+
+
+def test_likelihoods_share_one_and_their_scatter_is_as_unsure_as_it_is(problem: Problem) -> None:
+    """Those of all levels are a prior: it sums to one; its scales have a normal's moments."""
+    prior = [each for each in _likelihoods(problem) if each.level == 1.0]
+    assert sum(np.exp(each.log_share) for each in prior) == pytest.approx(1.0, rel=1e-12)
+    exact = [each for each in prior if (each.discrepancy, each.laws) == (0.0, prior[0].laws)]
+    share = np.exp([each.log_share for each in exact])
+    logs, sd = np.log([each.scale for each in exact]), problem.scatter.log_sd
+    moments = [share @ logs**power / share.sum() for power in (1, 2, 3, 4)]
+    np.testing.assert_allclose(moments, [0.0, sd**2, 0.0, 3.0 * sd**4], atol=1e-12)
 
 
 def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem: Problem) -> None:
