@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -537,14 +538,12 @@ def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> Iterato
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:
     """Return what is a specimen's own, of ln force along its record: level, slope, wandering."""
-    from scipy.signal import lfilter  # slow to import
-
     level, slope = rng.standard_normal(2)
     travel = specimen.travel_mm / float(specimen.travel_mm.max())
     kept = math.exp(-1.0 / (len(travel) - 1) / USUAL.wander_length)
     fresh = rng.standard_normal(len(travel))
     fresh[1:] *= math.sqrt(1.0 - kept**2)
-    wander = lfilter([1.0], [1.0, -kept], fresh)
+    wander = np.array(list(accumulate(fresh.tolist(), lambda at, more: kept * at + more)))
     tilt, rough = USUAL.slope / USUAL.specimen, USUAL.wander / USUAL.specimen
     return np.asarray(scatter * (level + tilt * slope * (travel - 0.5) + rough * wander))
 

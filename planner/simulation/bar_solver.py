@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import zip_longest
 from operator import attrgetter
@@ -1029,9 +1029,9 @@ _OF_ALL = frozenset(
 def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
     """Return which specimens are not pulled alike in both, (P,); of as many steps and slices."""
     differs = np.zeros(len(bars.time_s), dtype=np.bool_)
-    for name in {f.name for f in fields(PulledBars)} - {"gain", "offset_N"}:
+    for name in PulledBars.__slots__:
         own, other = getattr(bars, name), getattr(like, name)
-        if own is other:  # an effect changes a few, and hands the others on
+        if own is other or name in ("gain", "offset_N"):  # an effect changes a few
             continue
         if name in _OF_ALL:
             differs |= not np.array_equal(own, other)
@@ -1039,9 +1039,8 @@ def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
             differs |= np.array([a is not b for a, b in zip_longest(own, other)], dtype=np.bool_)
         else:
             changed = (own != other).reshape(len(own), -1).any(axis=1)
-            if len(changed) != len(differs):
-                changed = np.logical_or.reduceat(changed, bars.first_slice[:-1])
-            differs |= changed
+            each = len(changed) == len(differs)
+            differs |= changed if each else np.logical_or.reduceat(changed, bars.first_slice[:-1])
     return differs
 
 

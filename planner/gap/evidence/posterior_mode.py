@@ -102,7 +102,7 @@ class Likelihood:
         self._sizes = np.where(problem.of_laws, laws, 1.0)
         blocks = [problem.nuisances * self._sizes if nuisances is None else nuisances]
         weighted = self._white @ np.concatenate(blocks if more is None else [*blocks, more], axis=1)
-        self._nuisances = csr_array(weighted.T)
+        self._nuisances, self._turned = csr_array(weighted.T), self._white.T
         inner = np.asarray(self._nuisances @ weighted)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
@@ -135,7 +135,7 @@ class Likelihood:
 
     def _summed(self, own: FloatArray, weighted: FloatArray) -> FloatArray:
         """Return products of each specimen's own columns with weighted ones, (m n, k)."""
-        each = own[:, :, None] * np.asarray(self._white.T @ weighted)
+        each = own[:, :, None] * np.asarray(self._turned @ weighted)
         sums = np.add.reduceat(each, self.problem.noise.first_row[:-1], axis=1)
         return sums.reshape(-1, weighted.shape[1])
 
@@ -143,22 +143,23 @@ class Likelihood:
     def _inner(self) -> tuple[Any, ...]:
         """Half of the rows' products, the other half its mirror image; nuisances by row.
 
-        Of the products: values, rows, columns, and cells by specimen.
+        Of the products: values, rows, columns, and cells by specimen; last, sums by specimen.
         """
-        square, of = triu(self._white.T @ self._white).tocoo(), self.problem.table.specimen
+        square, of = triu(self._turned @ self._white).tocoo(), self.problem.table.specimen
         values = np.where(square.row == square.col, 0.5, 1.0) * square.data
         cell = of[square.row] * len(self.problem.noise.rows) + of[square.col]
         reach, _ = dtrtrs(self._factor, (self._nuisances @ self._white).toarray(), lower=True)
-        return values, square.row, square.col, cell, np.ascontiguousarray(reach.T)
+        sums = csr_array((np.ones(len(of)), np.arange(len(of)), self.problem.noise.first_row))
+        return values, square.row, square.col, cell, np.ascontiguousarray(reach.T), sums
 
     def _among(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what nuisances share with specimens' own columns, and these with one another."""
-        values, row, column, cell, reach = self._inner
-        first, n = self.problem.noise.first_row, len(self.problem.noise.rows)
-        halved = np.concatenate([csr_array((a, np.arange(len(a)), first)) @ reach for a in own])
+        values, row, column, cell, reach, sums = self._inner
+        m, n = len(own), len(self.problem.noise.rows)
+        # One array of sums takes each column in turn: to make it takes longer than the product.
+        halved = np.concatenate([sums @ reach for sums.data in own])
         blocks = [[np.bincount(cell, a[row] * values * b[column], n * n) for b in own] for a in own]
-        whole = np.reshape(blocks, (len(own), len(own), n, n)).transpose(0, 2, 1, 3)
-        half = whole.reshape(len(halved), -1)
+        half = np.reshape(blocks, (m, m, n, n)).transpose(0, 2, 1, 3).reshape(m * n, -1)
         return halved.T, half + half.T - halved @ halved.T
 
     def _beside(self, own: FloatArray) -> tuple[Any, ...]:
