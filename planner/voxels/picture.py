@@ -202,14 +202,14 @@ def _slope(shell: IntArray, depth: IntArray, at: IntArray, away: int) -> FloatAr
 
 def _halved(pixels: IntArray) -> IntArray:
     """Return packed pixels at half the size: means of four, weighted by how much each covers."""
-    rows, columns = pixels.shape
-    channels = (pixels[..., None] >> np.array([24, 16, 8, 0])) & 255
-    four = channels.reshape(rows // 2, 2, columns // 2, 2, 4)
-    weight = four[..., 3:]
-    cover = weight.sum(axis=(1, 3))
-    mean = ((four[..., :3] * weight).sum(axis=(1, 3)) + cover // 2) // np.maximum(cover, 1)
-    whole = np.concatenate([mean, (cover + 2) // 4], axis=2)
-    return np.asarray((whole << np.array([24, 16, 8, 0])).sum(axis=2))
+    four = np.stack([pixels[row::2, column::2] for row in (0, 1) for column in (0, 1)])
+    weight = four & 255
+    cover = weight.sum(axis=0)
+    halved = (cover + 2) // 4
+    for shift in (24, 16, 8):
+        light = ((four >> shift & 255) * weight).sum(axis=0)
+        halved |= (light + cover // 2) // np.maximum(cover, 1) << shift
+    return np.asarray(halved)
 
 
 def _encode(pixels: IntArray) -> bytes:
