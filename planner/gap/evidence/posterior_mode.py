@@ -143,21 +143,19 @@ class Likelihood:
     def _inner(self) -> tuple[Any, ...]:
         """Half of the rows' products, the other half its mirror image; nuisances by row.
 
-        Of the products: values, rows, columns, and cells by specimen; last, sums by specimen.
+        Of the products: values, rows, columns, and cells by specimen.
         """
         square, of = triu(self._turned @ self._white).tocoo(), self.problem.table.specimen
         values = np.where(square.row == square.col, 0.5, 1.0) * square.data
         cell = of[square.row] * len(self.problem.noise.rows) + of[square.col]
         reach, _ = dtrtrs(self._factor, (self._nuisances @ self._white).toarray(), lower=True)
-        sums = csr_array((np.ones(len(of)), np.arange(len(of)), self.problem.noise.first_row))
-        return values, square.row, square.col, cell, np.ascontiguousarray(reach.T), sums
+        return values, square.row, square.col, cell, np.ascontiguousarray(reach.T)
 
     def _among(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what nuisances share with specimens' own columns, and these with one another."""
-        values, row, column, cell, reach, sums = self._inner
-        m, n = len(own), len(self.problem.noise.rows)
-        # One array of sums takes each column in turn: to make it takes longer than the product.
-        halved = np.concatenate([sums @ reach for sums.data in own])
+        values, row, column, cell, reach = self._inner
+        first, m, n = self.problem.noise.first_row, len(own), len(self.problem.noise.rows)
+        halved = np.concatenate([csr_array((a, np.arange(len(a)), first)) @ reach for a in own])
         blocks = [[np.bincount(cell, a[row] * values * b[column], n * n) for b in own] for a in own]
         half = np.reshape(blocks, (m, m, n, n)).transpose(0, 2, 1, 3).reshape(m * n, -1)
         return halved.T, half + half.T - halved @ halved.T
