@@ -113,7 +113,8 @@ def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
         text = axis.strip().lower().replace("\N{MINUS SIGN}", "-")
-        parts: Sequence[object] = _DIRECTIONS.get(text, text).replace(",", " ").split()
+        text = _DIRECTIONS.get(text, text)
+        parts: Sequence[object] = text.split("," if "," in text else None)
     else:
         parts = list(axis) if np.iterable(axis) else []
     components = numbers_in(parts, float)

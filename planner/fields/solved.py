@@ -307,8 +307,8 @@ def geodesic_field(
 ) -> FunctionField:
     """Measure shortest ways within a part from a region, on cells (Theta*, Nash et al. 2007).
 
-    Lengths are off by about a cell, also along curved walls and beyond corners, and from the start,
-    which is one of cells; the error falls with the cells at first order.
+    Ways go by middles of cells: they are too long by about a cell from the start, and by half a
+    cell for each radian that they bend along a curved wall.
 
     Messages give places as seen from `origin_mm`: where the part's own origin lies.
 
@@ -332,21 +332,19 @@ def geodesic_field(
 _BLOCKED, _QUEUED, _FRESH = -3, -2, -1
 """What a cell without a way yet has for the cell where its way bends last."""
 
-_BEHIND = 0.5
-"""Cells that a wall lies behind the middles of those beside it, where ways bend: the mean."""
-
 
 def _shortest_ways(inside: BoolArray, seeds: BoolArray) -> FloatArray:
     """Return how long the shortest ways from seeds are within cells (nx, ny, nz), in cells."""
     parent = np.pad(np.where(inside, _FRESH, _BLOCKED), 1, constant_values=_BLOCKED)
     first, (_, row, tube) = np.flatnonzero(np.pad(seeds, 1)), parent.shape
-    parent.flat[first], ways = first, np.zeros((2, parent.size))
+    parent.flat[first], length = first, np.zeros(parent.size)
     near, queue = np.array((row * tube, tube, 1)), np.resize(first, np.count_nonzero(inside))
-    _walk(ways, parent.ravel(), queue, len(first), np.append(near, -near), row, tube)
+    _walk(length, parent.ravel(), queue, len(first), np.append(near, -near), row, tube)
     # Facets and kinks of less than a cell are levelled; what rises evenly stays as it is.
-    value: FloatArray = ways[0].reshape(parent.shape)[1:-1, 1:-1, 1:-1]
+    value: FloatArray = length.reshape(parent.shape)[1:-1, 1:-1, 1:-1]
     for axis in range(3):
-        along, free, fixed = (np.moveaxis(of, axis, 0) for of in (value, inside, seeds))
+        along = np.moveaxis(value, axis, 0)
+        free, fixed = (np.moveaxis(of, axis, 0) for of in (inside, seeds))
         level = free[:-2] & free[1:-1] & free[2:] & ~fixed[1:-1]
         along[1:-1] += np.where(level, 0.25 * (along[:-2] + along[2:]) - 0.5 * along[1:-1], 0.0)
     return value
@@ -392,14 +390,14 @@ def _sees(parent: Any, x: Any, bend: Any, row: Any, tube: Any) -> Any:
 
 
 @kernel
-def _walk(ways: Any, parent: Any, queue: Any, count: Any, near: Any, row: Any, tube: Any) -> None:
+def _walk(length: Any, parent: Any, queue: Any, count: Any, near: Any, row: Any, tube: Any) -> None:
     """Find shortest ways in order of rising length, as strings that are pulled tight.
 
     A way is straight from bend to bend, at middles of cells. A cell goes straight to where a
     neighbour's way bends last, if it sees that, or bends in the neighbour (Theta*), or beside that
     bend where it is shorter.
     """
-    (value, length), limit = ways, 0.0
+    limit = 0.0
     while count > 0:
         limit, kept, at = limit + 0.5, 0, 0
         while at < count:
@@ -417,13 +415,7 @@ def _walk(ways: Any, parent: Any, queue: Any, count: Any, near: Any, row: Any, t
                         best, bend = whole, y
                 length[x] = best
                 if best < limit:
-                    last, parent[x] = parent[bend], bend
-                    value[x] = value[bend] + best - length[bend]
-                    if last != bend:
-                        # The square of twice the sine of half the turn there.
-                        leg, whole = length[bend] - length[last], best - length[last]
-                        turn = (whole**2 - _apart(x, last, row, tube) ** 2) / (leg * (whole - leg))
-                        value[x] -= _BEHIND * np.sqrt(max(turn, 0.0))
+                    parent[x] = bend
             if length[x] >= limit:  # for later
                 queue[kept], kept = x, kept + 1
                 continue

@@ -123,7 +123,7 @@ def _falls(s: Specimen) -> Iterator[str]:
     ahead = windows(force, WIDEST_SPIKE + 1)[:n]
     falls = ahead[:, :1] - ahead[:, 1:]
     sudden = falls > np.maximum(least, usual[:n, None] * np.arange(1, WIDEST_SPIKE + 1))
-    borne = later[WIDEST_SPIKE:][:n] > BROKEN_SHARE * force[:n]
+    borne = later[2 * WIDEST_SPIKE :] > BROKEN_SHARE * force[:n]
     fall = np.where(onwards & borne & sudden.any(axis=1), falls.max(axis=1), 0.0)
     if fall[at := int(np.argmax(fall))] > 0.0:
         yield (

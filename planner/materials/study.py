@@ -273,16 +273,22 @@ def place_of_no_load(
     first, middle = float(length[0]), float(np.mean(load[:_FIRST]))
     unloaded = np.abs(load) < characterise.UNLOADED_SHARE * float(np.max(np.abs(load)))
     passed = int(np.argmax(length * first <= 0.0))
-    if passed and unloaded[:passed].all():
+    flat = np.ptp(load[: passed or 1]) <= 6.0 * characterise.noise_sd(load)
+    if passed >= _FIRST and flat and unloaded[:passed].all():
         return 0.0, ""
+    farthest = float(length[np.argmax(np.abs(length - first))])
+    if preloaded:  # noise of the load would flatten a line through few rows
+        n = max(_FIRST, int(np.argmax(np.abs(load) > 2.0 * abs(middle))))
+        rise, base = np.polyfit(length[:n], load[:n], 1).tolist()
+        start = -base / (rise or np.inf)
+        back = (start - first) * (farthest - first) < 0.0
+        return (start, "no load, by a line") if back else (0.0, "")
     rows = np.vander(load[:_FIRST] - middle, 2)
     slope, level = np.linalg.lstsq(rows, length[:_FIRST], rcond=None)[0].tolist()
     start = level - slope * middle
-    if not preloaded and abs(start) <= abs(start - first):
+    if abs(start) <= abs(start - first):
         return 0.0, ""
-    farthest = float(length[np.argmax(np.abs(length - first))])
-    little = unloaded[0] and not preloaded
-    if little or not np.ptp(load[:_FIRST]) or (start - first) * (farthest - first) > 0.0:
+    if unloaded[0] or not np.ptp(load[:_FIRST]) or (start - first) * (farthest - first) > 0.0:
         return first, "its first value"
     return start, f"no load, by a line through its first {_FIRST} rows"
 

@@ -617,8 +617,8 @@ _SMALL = 1e-3
 """Share of the load at which sizes of cells are compared: parts answer linearly there."""
 
 _MOVES = 0.02
-"""Share of the part's largest displacement that a figure's is at least, for its relative error to
-be told. Chosen: what faces move by on the mean is nothing where opposite ones move apart."""
+"""Share of the part's largest displacement that faces under pressure move by on the mean, for its
+relative error to be told. Chosen: it is nothing where opposite ones move apart."""
 
 _MOST_STEPS = 1000
 
@@ -778,7 +778,7 @@ def _conditions(surface: Mesh, case: LoadCase) -> Conditions:
 def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     """Return what each response is of at a small load: displacement, turn, or a support's force.
 
-    None where there is none, or hardly any displacement.
+    None where there is none, or hardly any of faces under pressure.
     """
     from planner.simulation.response import answers
     from planner.simulation.solid import LostStabilityError
@@ -790,7 +790,7 @@ def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     norm = np.linalg.norm
     least = _MOVES * float(norm(state.displacement_mm, axis=1).max())
     return [
-        None if (figure := told.figure) is told.displacement_mm and norm(figure) < least else figure
+        None if told.kind == "pressure" and norm(told.displacement_mm) < least else told.figure
         for told, _ in answers(mechanics, state)
     ]
 

@@ -34,7 +34,7 @@ def test_default_is_the_longest_side_x_before_y_before_z(sides, axis):
     assert axis_field(None, tetrahedron(*sides)).direction == tuple(np.eye(3)[axis])
 
 
-@pytest.mark.parametrize("axis", ["-z", "1,2,3", "0.3,-1,0.1"])
+@pytest.mark.parametrize("axis", ["-z", "1,2,3", "1 2 3", "0.3,-1,0.1"])
 def test_field_runs_from_0_to_1_over_the_vertices(axis):
     mesh = tetrahedron(5, 7, 11)
     field = axis_field(axis, mesh)
