@@ -652,8 +652,8 @@ class ListReader:
                 )
         said = "tension" if row.part else said_mode(row, in_file)
         law = make_law(self.palette.resolve(row.material).law) if row.material else None
-        of_gauge = (fields["gauge_mm"], said, law, notes, self._preloaded)
-        fields |= _record_of(_Source(where, table, row, *of_gauge))
+        gauge_mm, preloaded = fields["gauge_mm"], self._preloaded
+        fields |= _record_of(_Source(where, table, row, gauge_mm, said, law, notes, preloaded))
         notes += table.notes
         if row.part and row.specimen in measured.rows:
             notes.append("strains along a whole part are not compared; left out")

@@ -447,6 +447,21 @@ def test_a_travel_that_was_zeroed_at_a_preload_counts_from_no_load(folder: Path)
     np.testing.assert_allclose(specimen.displacement_mm, travel, atol=0.05)
 
 
+def test_a_preload_is_found_through_noise(folder: Path) -> None:
+    """Of a twentieth of the largest load, in a thousand rows with noise of half a per cent."""
+    travel = np.linspace(0.0, 10.0, 1031)[31:]
+    noise = 0.02 * np.random.default_rng(4).standard_normal(len(travel))
+    force = 5.0 * (1.0 - np.exp(-travel / 5.0)) + noise
+    rows = zip(travel, travel - travel[0], force, strict=True)
+    text = "".join(f"S1,{t:.9g},{x:.9g},{f:.9g}\n" for t, x, f in rows)
+    (folder / "curves.csv").write_text(f"specimen,time_s,displacement_mm,force_N\n{text}")
+    with (folder / "campaign.toml").open("a") as file:
+        file.write("\nzeroed_at_preload = true\n")
+    (specimen,) = read_campaign(folder).specimens
+    # The bend of the curve, as without noise, and the noise of 32 rows.
+    np.testing.assert_allclose(specimen.displacement_mm, travel, atol=0.08)
+
+
 def test_a_push_from_a_preload_on_is_one_as_it_is_in_a_fit(folder: Path) -> None:
     travel = np.linspace(0.0, -10.0, 41)[10:]
     force = 5.0 * (np.exp(travel / 5.0) - 1.0)  # from 45 % of the largest on

@@ -53,7 +53,9 @@ def test_description_builds_the_field_again():
     assert AxisField(**(described | {"direction": tuple(described["direction"])})) == field
 
 
-@pytest.mark.parametrize("axis", ["w", "xy", "", "--x", "1,2", "1,2,3,4", "a,b,c", (1, 2)])
+@pytest.mark.parametrize(
+    "axis", ["w", "xy", "", "--x", "1,2", "1,2,3,4", "1,,2,3", "a,b,c", (1, 2)]
+)
 def test_what_is_no_direction_is_refused_with_what_is(axis):
     with pytest.raises(ArgumentError, match="allowed are x, y, z, -x"):
         axis_field(axis, tetrahedron())
