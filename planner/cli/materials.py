@@ -105,7 +105,7 @@ def _print_ladder(scale: "planner.StiffnessScale") -> None:
 
 
 def invert(
-    modulus_MPa: Annotated[list[float] | None, "--modulus", "-m"] = None,
+    modulus_MPa: Annotated[list[str] | None, "--modulus", "-m"] = None,
     coordinate: list[float] | None = None,
     at_strain: _AtStrain = 0.1,
     law: str | None = None,
@@ -123,7 +123,7 @@ def invert(
     Parameters
     ----------
     modulus_MPa
-        Wanted modulus in MPa; repeatable.
+        Wanted modulus in MPa, or with its unit (500kPa); repeatable.
     coordinate
         Or the reverse: a coordinate whose stiffness and law are told; repeatable.
     law

@@ -8,7 +8,12 @@ import numpy as np
 
 from planner.errors import ArgumentError, as_number, positive
 from planner.glance import one_line
-from planner.grading.profile import AS_SHOWN, known_interval, stiffness_scale
+from planner.grading.profile import (
+    AS_SHOWN,
+    known_interval,
+    stated_modulus_MPa,
+    stiffness_scale,
+)
 from planner.materials.algorithm_one import (
     LiteralCurve,
     algorithm_one,
@@ -128,7 +133,7 @@ def _law_document(found: MixtureLaw) -> dict[str, Any]:
 
 
 def invert(
-    modulus_MPa: float | None = None,
+    modulus_MPa: float | str | None = None,
     *,
     coordinate: float | None = None,
     at_strain: float = 0.1,
@@ -141,7 +146,7 @@ def invert(
     Parameters
     ----------
     modulus_MPa
-        Wanted secant modulus.
+        Wanted secant modulus; or text with a unit, ``"500kPa"``.
     coordinate
         In its place, the coordinate m whose stiffness and law are wanted.
     at_strain
@@ -176,6 +181,10 @@ def invert(
     """
     if (modulus_MPa is None) is (coordinate is None):
         raise ArgumentError("give `modulus_MPa`, a wanted modulus, or `coordinate`, a place; one")
+    if isinstance(modulus_MPa, str):
+        text, modulus_MPa = modulus_MPa, stated_modulus_MPa(modulus_MPa, bare="MPa")
+        if modulus_MPa is None:
+            raise ArgumentError(f"`modulus_MPa` {text}: write MPa, or its unit, as in 500kPa")
     if modulus_MPa is not None:
         modulus_MPa = positive(modulus_MPa, "`modulus_MPa`")
     palette = palette_of(palette, printer)

@@ -3,6 +3,7 @@
 import functools
 import itertools
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from planner.errors import (
     refused,
 )
 from planner.formats.tables import read_columns
+from planner.formats.units import quantities_of, unit_factor
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark, nearest_on, thresholds_of
@@ -44,6 +46,7 @@ __all__ = [
     "natural_bands",
     "profile_of",
     "read_moduli",
+    "stated_modulus_MPa",
     "stiffness_scale",
 ]
 
@@ -185,6 +188,27 @@ def _faults(positions: Sequence[float], moduli_MPa: Sequence[float]) -> Iterator
             yield k + 1, f"modulus_MPa is {modulus:g}; {limits}"
     if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
         yield 0, "it needs rows from position 0 to position 1"
+
+
+_MODULUS = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(\D.*)?", re.IGNORECASE)
+
+
+def stated_modulus_MPa(text: str, bare: str = "") -> float | None:
+    """Return the modulus of "500kPa", "5 N/mm2"; None where the text is none.
+
+    Parameters
+    ----------
+    text
+        As a person writes it.
+    bare
+        The unit of a figure that has none; by default such a figure is no modulus.
+    """
+    figure = _MODULUS.fullmatch(text.strip())
+    unit = "" if figure is None else figure[2] or bare
+    # Nobody means SI's millipascal.
+    if figure is None or unit == "mPa" or "stress" not in quantities_of(unit):
+        return None
+    return float(figure[1]) * unit_factor("stress", unit, where=text)
 
 
 def read_moduli(

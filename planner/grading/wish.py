@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,8 +24,14 @@ from planner.errors import (
 )
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
-from planner.formats.units import QUANTITY_UNITS
-from planner.grading.profile import SHAPES, Profile, StiffnessScale, profile_of, read_moduli
+from planner.grading.profile import (
+    SHAPES,
+    Profile,
+    StiffnessScale,
+    profile_of,
+    read_moduli,
+    stated_modulus_MPa,
+)
 from planner.materials.mixtures import nearest_on
 from planner.numerics import FloatArray, numbers_in
 from planner.palette import Material, Palette
@@ -212,11 +217,7 @@ def _number(value: object) -> float | None:
 # The target along the field: from two ends, or knot by knot.
 
 
-_MODULUS = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)")
-_MEANT_AS_MODULUS = re.compile(r"\d+([.,]\d+)?\s*([kMG]?Pa|N/mm)", re.IGNORECASE)
-_UNITS: Mapping[str, float] = MappingProxyType(
-    {unit.casefold(): QUANTITY_UNITS["stress"][unit] for unit in ("kPa", "MPa", "GPa")}
-)
+_MEANT_AS_MODULUS = re.compile(r"[+-]?[\d.,]+(?:e[+-]?\d+)?\s*(?:[A-Z]*|N/mm.*)", re.IGNORECASE)
 
 
 def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, str | None]:
@@ -290,20 +291,20 @@ def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, st
     if isinstance(end, Material):
         end = end.id
     if isinstance(end, str):
-        figure = _MODULUS.fullmatch(end.strip())
-        if figure is None or figure[2] == "mPa" or figure[2].casefold() not in _UNITS:
+        stated = stated_modulus_MPa(end)
+        if stated is None:
             palette = scale.palette
             try:
                 id = palette.resolve(end).id
             except UnknownNameError as error:
-                if figure is None and _MEANT_AS_MODULUS.match(end.strip()) is None:
+                if _MEANT_AS_MODULUS.fullmatch(end.strip()) is None:
                     raise
                 raise ArgumentError(
                     f"`{option}` {end}: it is no material of palette {palette.name}; for a "
                     "modulus, write a decimal point and its unit (kPa, MPa or GPa), as in 0.5MPa"
                 ) from error
             return scale.modulus_of(id), id
-        end = float(figure[1]) * _UNITS[figure[2].casefold()]
+        end = stated
     modulus_MPa = positive(end, f"`{option}`")
     return modulus_MPa, f"{modulus_MPa:.9g}MPa"
 

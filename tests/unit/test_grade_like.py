@@ -192,7 +192,15 @@ def test_a_palette_that_the_printer_has_not_must_be_given(first, palette) -> Non
 
 
 @pytest.mark.parametrize(
-    ("from_", "to"), [(0.5, 7.0), ("0.5MPa", "7 MPa"), ("500kPa", "0.007GPa"), ("5e2 kpa", 7)]
+    ("from_", "to"),
+    [
+        (0.5, 7.0),
+        ("0.5MPa", "7 MPa"),
+        ("500kPa", "0.007GPa"),
+        ("5e2 kpa", 7),
+        ("0.5 N/mm2", "7 N/mm²"),
+        ("5 bar", "7e6 Pa"),
+    ],
 )
 def test_ends_may_be_moduli(from_, to) -> None:
     plan = planner.grade(MESH, from_=from_, to=to)
@@ -213,9 +221,11 @@ def test_materials_and_moduli_may_be_mixed(tmp_path: Path) -> None:
     ("end", "reason"),
     [
         ("0.5", "write a decimal point and its unit"),
-        ("0.5psi", "write a decimal point and its unit"),
+        ("0.5foo", "write a decimal point and its unit"),
+        ("0.5N", "write a decimal point and its unit"),
+        ("0.5mPa", "write a decimal point and its unit"),
         ("0,5MPa", "write a decimal point and its unit"),
-        ("1 N/mm²", "write a decimal point and its unit"),
+        ("1,5 N/mm²", "write a decimal point and its unit"),
         ("-1MPa", "above 0"),
         (0.0, "above 0"),
         (float("nan"), "finite"),

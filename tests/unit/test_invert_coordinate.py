@@ -67,6 +67,20 @@ def test_the_command(capsys) -> None:
     assert "m 0.4: ogden law, mu_MPa" in said
 
 
+@pytest.mark.parametrize("text", ["500kPa", "0.5", "0.5 N/mm2", "5 bar"])
+def test_a_modulus_may_have_a_unit_as_in_grade(text: str, capsys) -> None:
+    assert run(["invert", "--modulus", text, "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["results"]
+    assert found["target_modulus_MPa"] == pytest.approx(0.5, rel=1e-12)
+    assert planner.invert(text).target_MPa == found["target_modulus_MPa"]
+
+
+@pytest.mark.parametrize("text", ["Tango", "3mPa", "5 N", "0,5", ""])
+def test_what_is_no_modulus_is_refused(text: str, capsys) -> None:
+    assert run(["invert", "--modulus", text]) == 2
+    assert "--modulus" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("place", ["2", "-0.1", "nan"])
 def test_a_place_outside_the_palette_is_refused(capsys, place: str) -> None:
     assert run(["invert", f"--coordinate={place}"]) == 2
