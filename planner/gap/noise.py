@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ class Scatter:
 # Covariance of each specimen's own features, and what specimens of a batch share.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SpecimenNoise:
     """Noise of N features.
 
@@ -106,7 +107,7 @@ class SpecimenNoise:
     inverse_root: csr_array
     batch: FloatArray
 
-    @property
+    @cached_property
     def first_row(self) -> IntArray:
         """Where each specimen's rows begin, and where the last one's end, (n + 1,)."""
         return np.array([0, *(rows.stop for rows in self.rows)])

@@ -7,6 +7,7 @@ from itertools import combinations, permutations, product
 from math import comb
 
 import numpy as np
+import scipy.linalg
 from scipy.special import chdtri, expit, logit, logsumexp, stdtrit
 
 from planner.gap.campaign import TOLERANCES, axis_columns
@@ -161,8 +162,9 @@ def _best_subset(
             pull[:] = 0.0
             for i in range(n):
                 belief[i] = 1.0 if gamma * likeliest[i] > 0.5 * square else 0.0
-                for j in range(n):
-                    pull[j] += h[j, i] * belief[i]
+                if belief[i] > 0.0:
+                    for j in range(n):
+                        pull[j] += h[i, j]
             for _ in range(_ROUNDS):
                 moved = 0.0
                 for i in range(n):
@@ -221,7 +223,7 @@ def _weigh_subset(
     prior = np.log(np.repeat(0.5 / np.maximum(counts, 1), counts))
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty((len(gammas), len(_SHARES)))
-    likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
+    likeliest = scipy.linalg.lstsq(h, b, cond=1e-9, lapack_driver="gelsy", check_finite=False)[0]
     at = int(_best_subset(b, h, likeliest, gammas, prior, _SHARES, belief, best, evidence))
     total = float(logsumexp(evidence) - np.log(len(_SHARES)))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
