@@ -142,18 +142,19 @@ class FeatureTable:
         return np.asarray((np.bincount(of, values) / np.bincount(of))[of])
 
     def chord(self, raw: FloatArray) -> FloatArray:
-        """Return the mean of `sensitivity` from `raw` to what was measured.
+        """Return the mean of `sensitivity` from `raw` to what each specimen's level makes of it.
 
         With it a factor on forces is a constant times the chord, however large the factor and
-        however small the forces. Where signs differ it is the larger one's sensitivity.
+        however small the forces. The level is that of all its forces, or strains, together: noise
+        of a small one is no gain, and would come out smaller for any that is above 0.
         """
-        measured = self.measured_raw
-        found = self.sensitivity(np.where(np.abs(measured) > np.abs(raw), measured, raw))
-        clear = np.sign(measured) * np.sign(raw) > 0.0
-        ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
-        clear &= np.abs(ratio) > _SAME
-        rise = self.measured - self.transformed(raw)
-        return np.asarray(np.divide(rise, ratio, out=found, where=clear))
+        of = 2 * self.specimen + self.is_field
+        sums = np.bincount(of, self.measured_raw * raw), np.bincount(of, raw**2)
+        level = np.divide(*sums, out=np.ones_like(sums[0]), where=sums[1] > 0.0)[of]
+        ratio = np.log(level, out=np.zeros_like(level), where=level > 0.0)
+        rise = self.transformed(raw * np.exp(ratio)) - self.transformed(raw)
+        clear = np.abs(ratio) > _SAME
+        return np.asarray(np.divide(rise, ratio, out=self.sensitivity(raw), where=clear))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -607,3 +607,25 @@ def test_replicates_show_the_noise_of_their_load_cell() -> None:
     # Of 30 records with nine forces each the factor is known to some 5 %.
     assert problem.scatter.sensor == pytest.approx(1.0, abs=0.2)
     assert problem.scatter.specimen == pytest.approx(0.03, rel=0.4)
+
+
+# ------------------------------------------------------------------------------------------------
+# A factor on forces.
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.85, 1.0, 1.2, 4.4482, 1e3])
+def test_a_factor_is_a_constant_times_the_chord_and_noise_is_none(factor: float) -> None:
+    """Where forces are below the noise of the load cell, their ratio to prediction is no factor."""
+    model = ObservationModel(campaign(specimen("A"), specimen("B", CYCLE)))
+    table, raw = model.table, model.predicted(model.alone)
+    exact = replace(table, measured_raw=factor * raw, measured=table.transformed(factor * raw))
+    chord = exact.chord(raw)
+    # Sums over a specimen's rows round at 1e-16, and so does the difference that is divided.
+    rise = np.log(factor) * chord
+    np.testing.assert_allclose(exact.measured - exact.transformed(raw), rise, atol=1e-9)
+    if factor < 0.1:  # all of it is below the noise here
+        return
+    noise = 0.3 * table.floor * np.random.default_rng(1).normal(size=len(table))
+    noisy = replace(exact, measured_raw=factor * raw + noise)
+    # The sum over a test's forces knows its level to a share of a per cent.
+    np.testing.assert_allclose(noisy.chord(raw), chord, atol=0.02)

@@ -59,6 +59,32 @@ def test_a_stray_is_set_apart_and_moves_neither_scatter_nor_floor(planned, imita
     assert np.isnan(off.replicate_floor()[0])
 
 
+@pytest.mark.parametrize("factor", [0.85, 1.18])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_batch_that_is_off_is_named_and_not_the_others(
+    planned, imitated, seed: int, factor: float
+) -> None:
+    """Which of two groups is off is told by the palette's laws, as they agree with one of them.
+
+    Its area was wrong, say: all of its forces are off by one factor, and those of three in four
+    specimens are not.
+    """
+    plan = planned(8, batches=4, material=["TangoPlus", "FLX9750", "FLX9770"])
+    made = imitated(plan, seed=seed)
+    off = np.array([s.batch == "b1" for s in made.specimens])
+    specimens = [
+        replace(s, force_N=factor * s.force_N) if wrong else s
+        for s, wrong in zip(made.specimens, off, strict=True)
+    ]
+    found = weigh(ready(replace(made, specimens=tuple(specimens)), "force-scale"), Priors())
+    best = found.best["force-scale",]
+    assert best.members is not None
+    assert best.members[off].all()
+    assert best.members[~off].sum() <= 1  # one in thirty is two deviations, 6 %, low itself
+    # The other batches' own levels scatter by 3 % a specimen and 1.2 % a batch.
+    assert best.log_gain == pytest.approx(np.log(factor), abs=0.05)
+
+
 def test_two_that_are_off_are_no_strays(planned, imitated) -> None:
     made = imitated(planned(4, batches=1, material=["FLX9760", "TangoPlus"]))
     specimens = [
