@@ -32,13 +32,7 @@ from planner.palette import Palette
 from planner.simulation.bar import step_places_mm
 from planner.simulation.bar_solver import PUSHED_END, Prediction, Setup, law_tables, predict
 
-__all__ = [
-    "BRANCHES",
-    "SIDES",
-    "FeatureTable",
-    "ObservationModel",
-    "seen_shares",
-]
+__all__ = ["BRANCHES", "SIDES", "FeatureTable", "ObservationModel", "seen_shares"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -30,15 +30,7 @@ from planner.gap.observations import FeatureTable, ObservationModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict
 
-__all__ = [
-    "EVERY_AXIS",
-    "Candidate",
-    "Problem",
-    "SignedForm",
-    "joined",
-    "node_weights",
-    "searched",
-]
+__all__ = ["EVERY_AXIS", "Candidate", "Problem", "SignedForm", "joined", "node_weights", "searched"]
 
 
 # ------------------------------------------------------------------------------------------------
