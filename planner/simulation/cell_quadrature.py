@@ -146,7 +146,9 @@ def _points(pieces: Any, p: Any) -> Any:
     _measure(pieces, p, measure)
     if measure.shape[0] <= _POINTS:
         return measure
-    mass = measure[:, 3].sum()
+    mass = 0.0
+    for q in range(measure.shape[0]):
+        mass += measure[q, 3]
     wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
     middle, half = np.empty(3), np.empty(3)
     line, moment = np.empty((7, 7)), np.zeros(_MOMENTS)
@@ -173,7 +175,10 @@ def _points(pieces: Any, p: Any) -> Any:
 def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any) -> Any:
     # The box that holds a piece, and its axes, a row each: along the piece's principal axes, or
     # along the cell's where that is not much smaller.
-    aligned, turn, mean, spread = np.eye(3), np.eye(3), np.zeros(3), np.zeros((3, 3))
+    aligned, turn, spread = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    mean = np.zeros(3)
+    for a in range(3):
+        aligned[a, a] = turn[a, a] = 1.0
     for q in range(measure.shape[0]):
         for a in range(3):
             mean[a] += measure[q, 3] * measure[q, a]
@@ -292,10 +297,8 @@ def _guess(measure: Any, place: Any) -> Any:
             # shares of 5, 8 and 5 of 18 where it is even
             group[q] = 3 * g + (0 if away < -0.7698 else 1 if away < 0.7698 else 2)
         for q in range(many):
-            g, k = (
-                q % 27 // 3 ** (3 - axis),
-                q % 27 // 3 ** (2 - axis) % 3,
-            )  # share, and third of it
+            # share, and third of it
+            g, k = q % 27 // 3 ** (3 - axis), q % 27 // 3 ** (2 - axis) % 3
             of = g if total[g] > 0.0 else 27
             aside = 2.0 * ((q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
             at = mean[of] + (k - 1) * np.sqrt(1.8) * spread[of] + _STRAY * aside
@@ -315,6 +318,7 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     normal, slopes = np.empty((moments, moments)), np.empty((4 * many, moments))
+    moves = np.empty(4 * many)
     error, worst = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
         if worst < _MET:
@@ -331,7 +335,7 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
             _add_products(slopes[4 * q + 3], w, x, y, z)
         _solve_normal(slopes, miss, normal, answer)
-        moves = np.dot(slopes, answer)
+        np.dot(slopes, answer, moves)
         most = 1.0
         for q in range(many):
             for k in range(4):
@@ -385,7 +389,9 @@ def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
 def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
     # slopes' slopes answer = miss
     np.dot(slopes.T, slopes, normal)
-    n, trace = miss.size, np.trace(normal)
+    n, trace = miss.size, 0.0
+    for i in range(n):
+        trace += normal[i, i]
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
     lower = np.linalg.cholesky(normal)

@@ -264,13 +264,13 @@ def _components(runs: IntArray) -> IntArray:
     parent = np.arange(len(runs), dtype=np.int32)
     width = int(runs[:, 1].max(initial=0)) + 3
     key = runs[:, 0].astype(np.int64) * width + runs[:, 1] + 1
-    _touching(np.ascontiguousarray(runs), key, width, parent)
+    _touching(np.ascontiguousarray(runs), key, width, parent, np.zeros(4, np.int64))
     return number_groups(parent)
 
 
 @kernel
-def _touching(runs: Any, key: Any, width: Any, parent: Any) -> None:
-    n, pointer = len(runs), np.zeros(4, np.int64)
+def _touching(runs: Any, key: Any, width: Any, parent: Any, pointer: Any) -> None:
+    n = len(runs)
     for r in range(n):
         for s in range(4):  # the three columns of the row before, and the column before
             line = key[r] - 1 if s == 3 else key[r] - width - 1 + s
