@@ -90,7 +90,7 @@ class Likelihood:
         self.offset = -float(rows.sum()) * float(np.log(scale))
         # To a scale where scatter and discrepancy are white: sparse, as both are of a test each.
         self._white = csr_array(diags_array(np.sqrt(rows) / scale))
-        if level < 1.0:
+        if level != 1.0:
             levels, widened = _along_levels(problem, level)
             self.offset += float(each @ np.log1p(widened))
             self._white += levels @ diags_array(widened) @ levels.T @ self._white
@@ -244,7 +244,8 @@ def _along_levels(problem: Problem, level: float) -> tuple[csr_array, FloatArray
     """Return directions in which specimens' levels go, (N, n), and what each is stretched by.
 
     Whitened features have a unit covariance, of which a level that scatters less takes from that
-    one direction: 1 - (1 - level^2) sd^2 |g|^2 of it is left, with g what the level changes.
+    one direction, and one that scatters more adds: 1 - (1 - level^2) sd^2 |g|^2 of it is left, with
+    g what the level changes.
     """
     change = problem.noise.whiten(np.where(problem.table.is_field, 0.0, problem.sensitivity))
     changes = csr_array((change, (np.arange(len(change)), problem.table.specimen)))

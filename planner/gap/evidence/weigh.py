@@ -374,17 +374,23 @@ def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
 
     Models are exact, the scatter a little off; or laws are as poor as fits may be; or all models
     have a discrepancy. Last those whose levels scatter less, for a gain of some specimens alone.
+
+    How far levels scatter and how far the rest does is unsure each by itself: few replicates may
+    agree by chance, and would make an effect of what others differ by, and the many features of a
+    curve's course say nothing of its level.
     """
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
+    nodes = ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
     least, *poorer = (error / FIT_SD for error in _law_errors(problem))
     exact = _DISCREPANCIES[0.0] / (1 + len(poorer))
     sizes = [
-        (1.0, 1.0, 0.0, least, 2.0 / 3.0 * exact),
-        (1.0 / spread, 1.0, 0.0, least, 1.0 / 6.0 * exact),
-        (spread, 1.0, 0.0, least, 1.0 / 6.0 * exact),
+        *(
+            (rest, level / rest, 0.0, least, a * b * exact)
+            for (rest, a), (level, b) in product(nodes, nodes)
+        ),
         *((1.0, 1.0, 0.0, laws, exact) for laws in poorer),
         *((1.0, 1.0, size, least, share) for size, share in _DISCREPANCIES.items() if size),
-        *((1.0, level, 0.0, least, 2.0 / 3.0 * exact / len(_LEVELS)) for level in _LEVELS),
+        *((1.0, level, 0.0, least, 4.0 / 9.0 * exact / len(_LEVELS)) for level in _LEVELS),
     ]
     return tuple(
         Likelihood(problem, scale=scale, level=level, discrepancy=size, laws=laws, share=share)
@@ -396,8 +402,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
     every = _likelihoods(problem)
-    likelihoods = tuple(w for w in every if w.level == 1.0)
-    of_scatter = tuple(w for w in likelihoods if w.scale == 1.0)
+    likelihoods = every[: -len(_LEVELS)]
+    of_scatter = tuple(w for w in likelihoods if w.scale == w.level == 1.0)
     none = PosteriorMode.of_nothing(max(of_scatter, key=lambda w: w.none + w.log_share))
     result = Weighed(logs, of_scatter, none)
     for likelihood in likelihoods:

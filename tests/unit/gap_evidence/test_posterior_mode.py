@@ -13,6 +13,7 @@ from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _State, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined
 from planner.gap.evidence.weigh import (
+    _LEVELS,
     _in_all_forms,
     _likelihoods,
     _with_parts_alone,
@@ -66,19 +67,25 @@ def test_own_sizes_and_discrepancies_are_integrated_out_together(problem: Proble
 
 
 def test_likelihoods_share_one_and_their_scatter_is_as_unsure_as_it_is(problem: Problem) -> None:
-    """Those of all levels are a prior: it sums to one; its scales have a normal's moments."""
-    prior = [each for each in _likelihoods(problem) if each.level == 1.0]
+    """They sum to one; how far levels scatter, and the rest, are normal each, by its moments."""
+    prior = _likelihoods(problem)[: -len(_LEVELS)]
     assert sum(np.exp(each.log_share) for each in prior) == pytest.approx(1.0, rel=1e-12)
     exact = [each for each in prior if (each.discrepancy, each.laws) == (0.0, prior[0].laws)]
     share = np.exp([each.log_share for each in exact])
-    logs, sd = np.log([each.scale for each in exact]), problem.scatter.log_sd
-    moments = [share @ logs**power / share.sum() for power in (1, 2, 3, 4)]
-    np.testing.assert_allclose(moments, [0.0, sd**2, 0.0, 3.0 * sd**4], atol=1e-12)
+    rest, sd = np.log([each.scale for each in exact]), problem.scatter.log_sd
+    level = rest + np.log([each.level for each in exact])
+    for logs in (rest, level):
+        moments = [share @ logs**power / share.sum() for power in (1, 2, 3, 4)]
+        np.testing.assert_allclose(moments, [0.0, sd**2, 0.0, 3.0 * sd**4], atol=1e-12)
+    assert share @ (rest * level) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_level_that_scatters_less_takes_that_much_from_the_covariance(problem: Problem) -> None:
+@pytest.mark.parametrize("level", [0.4, 1.7])
+def test_another_scatter_of_levels_changes_the_covariance_by_that_much(
+    problem: Problem, level: float
+) -> None:
     """As if the noise had been made with that scatter from the start."""
-    level, first = 0.4, problem.noise.first_row
+    first = problem.noise.first_row
     likelihood = Likelihood(problem, level=level)
     change = np.where(problem.table.is_field, 0.0, problem.sensitivity)
     whole = scipy.linalg.block_diag(*problem.noise.blocks)
