@@ -378,7 +378,7 @@ def design(
     limits, figures = Limits.read(limit)
     alone = bool(cases) and first.is_empty and not first.target
     cases = LoadCase.named(cases, *(() if alone else (first,)))
-    wanted = [_wanted_of(case) for case in cases]
+    wanted = [_wanted_of(case, unit) for case in cases]
     for aims in wanted if alone else wanted[:1]:
         aims += figures
     if not all(wanted) or not any(aim.sense == "=" for aims in wanted for aim in aims):
@@ -602,7 +602,7 @@ def _searched(
     return after._replace(tried=found.tried + after.tried), problem, reach
 
 
-def _wanted_of(case: LoadCase) -> list[Target]:
+def _wanted_of(case: LoadCase, unit: str | None) -> list[Target]:
     """Return the targets and limits of a case."""
     limits, figures = Limits.read(case.limit)
     if limits.strain_over_break is not None or limits.slope is not None:
@@ -610,4 +610,4 @@ def _wanted_of(case: LoadCase) -> list[Target]:
             f"`limit` {case.limit[0]}: of strain and slope there is one limit for all cases; give "
             "it beside them"
         )
-    return [*map(Target.read, case.target), *figures]
+    return [*(Target.read(text, unit=unit) for text in case.target), *figures]

@@ -68,10 +68,11 @@ class Target:
     surface_mm: FloatArray | None = None
 
     @classmethod
-    def read(cls, text: str, option: str = "target") -> "Target":
+    def read(cls, text: str, option: str = "target", unit: str | None = None) -> "Target":
         """Read ``SELECTOR QUANTITY=VALUE UNIT``, ``shape: FILE.csv`` or ``shape: FILE.stl``.
 
-        Behind each may stand ``weight 2``; of a limit, ``<`` or ``>`` stands in place of ``=``.
+        Behind each may stand ``weight 2``; of a limit, ``<`` or ``>`` stands in place of ``=``. A
+        mesh is read in `unit`, as the part is.
 
         Raises
         ------
@@ -85,7 +86,7 @@ class Target:
             bare, weight = weighed[1].strip(), float(weighed[2])
             positive(weight, f"{where}: a weight")
         if bare.casefold().startswith("shape:") and option == "target":
-            return replace(_shape(text, bare), weight=weight)
+            return replace(_shape(text, bare, unit), weight=weight)
         found, signs = _TARGET.fullmatch(bare), "=" if option == "target" else "<>"
         if found is None or found[3] not in signs:
             raise ArgumentError(
@@ -183,12 +184,12 @@ _MOST_POINTS = 30
 """Each costs three solutions an evaluation; ten to twenty tell a shape."""
 
 
-def _shape(text: str, bare: str) -> Target:
+def _shape(text: str, bare: str, unit: str | None) -> Target:
     named = bare.partition(":")[2].strip()
     on = re.fullmatch(r"(.+?)\s+on\s+(.+)", named, re.IGNORECASE)
     path = Path(on[1] if on else named)
     if path.suffix.casefold() != ".csv":
-        surface = read_mesh(path).triangles
+        surface = read_mesh(path, unit).triangles
         return Target(text, on[2] if on else "", "shape", surface_mm=np.asarray(surface, float))
     columns = dict.fromkeys(("x_mm", "y_mm", "z_mm", "ux_mm", "uy_mm", "uz_mm"), "length")
     numbers = read_columns(path, columns, others=True).numbers

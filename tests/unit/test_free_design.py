@@ -344,6 +344,13 @@ def test_a_shape_may_be_wanted_of_some_faces_alone(tmp_path: Path) -> None:
         design(load=LOAD, target=f"shape: {_stl(tmp_path / 'same.stl', MESH.triangles)}")
 
 
+def test_a_shape_is_read_in_the_unit_that_the_part_is(tmp_path: Path) -> None:
+    """What is the part's own surface in inches too is nowhere away from it."""
+    file = _stl(tmp_path / "part.stl", MESH.triangles / 25.4)
+    with pytest.raises(PlannerError, match="from the part"):
+        design(part=file, unit="inch", load=LOAD, target=f"shape: {file}")
+
+
 # --- cases with limits, what stands against what
 
 
