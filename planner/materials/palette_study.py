@@ -495,6 +495,7 @@ def fit(
     ).as_written()
     if table is not None:
         notes.extend(_warming(fitted_palette, table))
+        notes.extend(_warmed_and_more(study, elsewhere))
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
@@ -694,6 +695,25 @@ def _mixed(known: Mapping[str, Sequence[Any]], how: str) -> Iterator[Caution]:
             ends = f"{min(found):g} to {max(found):g}" if differ else ""
         if differ:
             yield Caution(f"{condition} differs between specimens ({ends}); {how}")
+
+
+def _warmed_and_more(study: Study, others: dict[str, tuple[Curve, ...]]) -> Iterator[Caution]:
+    """Say what else differs between a palette's temperature and those that it is compared with."""
+    here = replace(study, groups={material: study.groups[material] for material in others})
+    for (condition, own), far in zip(
+        _conditions(here).items(), _conditions(replace(study, groups=others)).values(), strict=True
+    ):
+        if condition == "orientation":
+            differ, ends = own != far, [", ".join(own), ", ".join(far)]
+        else:
+            means = [float(np.mean(found)) for found in (own, far) if found]
+            differ = np.ptp(means or 0.0) > _DIFFERENT * max(map(abs, means), default=0.0)
+            ends = [f"{mean:.4g}" for mean in means]
+        if own and far and differ and condition != "temperature_C":
+            yield Caution(
+                f"{condition} differs between temperatures ({ends[0]} at the palette's, {ends[1]} "
+                "elsewhere); what warming multiplies stress by holds what that does too"
+            )
 
 
 def _ids(materials: Sequence[str]) -> dict[str, str]:

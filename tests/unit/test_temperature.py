@@ -140,6 +140,34 @@ def test_what_is_left_out_has_no_say_in_the_temperature(tmp_path: Path) -> None:
     assert (table.low_C, table.high_C) == ((33.0,), (43.0,))
 
 
+@pytest.mark.parametrize(
+    ("column", "cold", "warm", "told"),
+    [
+        ("age_days", "9", "60", "age_days differs between temperatures (9 at the palette's, 60"),
+        (
+            "orientation",
+            "x",
+            "z",
+            "orientation differs between temperatures (x at the palette's, z",
+        ),
+        ("age_days", "9", "9", ""),
+        ("age_days", "9", "", ""),
+    ],
+)
+def test_what_else_differs_between_temperatures_is_told(
+    tmp_path: Path, column: str, cold: str, warm: str, told: str
+) -> None:
+    """What warming does cannot be told from what came with it."""
+    folder = lab(tmp_path / "lab", (COLD_C, WARM_C))
+    listed = folder / "specimens.csv"
+    head, *rows = listed.read_text().splitlines()
+    lines = [f"{head},{column}", *(f"{row},{warm if ',35.0,' in row else cold}" for row in rows)]
+    listed.write_text("\n".join(lines) + "\n")
+    notes = " ".join(note for note in fitted(folder).notes if "between temperatures" in note)
+    assert notes.startswith(told)
+    assert bool(notes) is bool(told)
+
+
 def test_one_name_left_out_is_no_list_of_letters(tmp_path: Path) -> None:
     found = planner.fit(
         [lab(tmp_path / "lab", (COLD_C,))], law="neo-hookean", compare=False, leave_out="soft"
