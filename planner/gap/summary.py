@@ -130,6 +130,12 @@ def _cause(d: Diagnosis) -> str:
     best, effects = best_of(d), d.verdict.split("+")
     chance = f"probability {probability(best.probability)}"
     sure = next((words for least, words in _SURE if best.probability >= least), None)
+    if d.verdict == "none" and d.remainder:
+        return (
+            f"No cause that could be tested is likelier than none ({chance}), but specimens differ "
+            f"with {axis_words(d.remainder[0].axis)} by more than they scatter: look for what was "
+            "not alike there."
+        )
     if d.verdict == "none":
         return (
             f"It {'needs' if sure else 'may need'} no cause ({chance}): what was measured agrees "
@@ -177,11 +183,13 @@ def _how_far(d: Diagnosis) -> str:
         floor = f"replicates differ by {percent(gap.floor)}{but}"
     laws = gap.recalibration_only
     refitted = "" if laws is None else f", by {percent(laws)} with its laws refitted"
+    if d.verdict == "none" and d.remainder:
+        return f"Nothing that could be tested closes it: {before}{refitted}, and {floor}."
     if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
         beyond = "; what is beyond lies within the doubt about its calibration"
-        within = "" if gap.floor is None or d.remainder else beyond
+        within = "" if gap.floor is None else beyond
         return f"No effect is needed: {before}{refitted}, and {floor}{within}."
     if d.verdict == "unknown":
         said = "Refitted laws close most of it" if gap.laws_close_it else "Nothing known closes it"

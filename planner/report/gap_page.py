@@ -219,7 +219,9 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one line."""
     verdict = diagnosis.verdict
     words = {
-        "none": "no gap that needs an explanation",
+        "none": "no cause that was tested"
+        if diagnosis.remainder
+        else "no gap that needs an explanation",
         "unknown": "a gap that no effect here explains",
     }.get(verdict, _cause_words(verdict))
     more = f": {words}" if words != verdict else ""
@@ -355,7 +357,10 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | _Table]:
     if gap.floor is not None:
         below = any(error < gap.floor for _, error in errors_of(diagnosis))
         yield (
-            "However good a prediction is, it misses a new specimen by about as much as "
+            "Part of what replicates differ by goes with their batch and is no scatter: a "
+            "prediction that knew of it could be better than that."
+            if any(place.axis == "batch" for place in diagnosis.remainder)
+            else "However good a prediction is, it misses a new specimen by about as much as "
             "replicates scatter: an error near that"
             f"{', even slightly below by chance,' if below else ''} is as good as can be."
         )

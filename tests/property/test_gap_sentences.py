@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Location
-from planner.gap.summary import percent, summary_of
+from planner.gap.summary import axis_words, percent, summary_of
 from planner.report.gap_figures import errors_of
 from planner.report.gap_page import verdict_text
 
@@ -70,3 +70,18 @@ def test_sentences_agree_with_the_figures(gap: Gap, verdict: str) -> None:
         assert (f"falls from {percent(gap.before)} to {after}" in how_far) == fell
         below = gap.floor is not None and gap.after is not None and gap.after <= gap.floor
         assert ("all is closed that can be" in how_far) == below
+
+
+@given(gaps(), st.sampled_from(["batch", "temperature_C"]))
+def test_none_with_a_remainder_does_not_say_that_there_is_nothing(gap: Gap, axis: str) -> None:
+    place = Location(axis, 0.5, (0.2, 0.8), 0.003, "force 14 % below prediction in one of them")
+    hypothesis = Hypothesis((), 0.9)
+    d = replace(_DIAGNOSIS, verdict="none", ranking=(hypothesis,), gap=gap, remainder=(place,))
+    text = " ".join(verdict_text(d, width=10_000).split())
+    for calm in ("needs no cause", "No effect is needed", "Nothing to explain", "agrees with"):
+        assert calm not in text
+    assert f"specimens differ with {axis_words(axis)} by more than they scatter" in text
+    assert "A gap above scatter remains" in text
+    # Replicates share every condition; a batch they need not.
+    assert ("goes with their batch" in text) == (axis == "batch" and gap.floor is not None)
+    assert ("is as good as can be" in text) == (axis != "batch" and gap.floor is not None)
