@@ -22,12 +22,9 @@ from planner.errors import ArgumentError, Caution, refused
 
 __all__ = [
     "AsJson",
-    "CasesFile",
     "ForceOversize",
     "Kept",
-    "LoadOptions",
     "MeshBodies",
-    "MeshUnit",
     "Output",
     "Overwrite",
     "PaletteName",
@@ -530,45 +527,6 @@ Overwrite = Annotated[bool, "--force", "Replace files that are there."]
 ForceOversize = Annotated[
     bool, "--force-oversize", "Plan a part that the printer's tray does not hold."
 ]
-
-
-_Texts = list[str] | None
-"""Of an option that may be repeated."""
-
-
-@dataclass(frozen=True)
-class LoadOptions:
-    """How a whole part is held and loaded.
-
-    Attributes
-    ----------
-    fix
-        Faces of the whole part that do not move, as x=max; for what may stand there see
-        docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.
-    load
-        Force on faces in all, as 'x=min: 0,0,-0.5 N'.
-    moment
-        Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.
-    pressure
-        Pressure on faces, as 'cavity: 20 kPa'.
-    move
-        Faces that are moved, as 'z>102: 5,free,0 mm'.
-    gravity
-        Where the part's weight pulls: -z, or dx,dy,dz.
-    """
-
-    fix: _Texts = None
-    load: _Texts = None
-    moment: _Texts = None
-    pressure: _Texts = None
-    move: _Texts = None
-    gravity: str | None = None
-
-
-CasesFile = Annotated[
-    Path | None, "TOML file of load cases: tables 'case' with these options, and name."
-]
-MeshUnit = Annotated[str | None, "Unit of a mesh: mm, cm, m, um, inch, ft."]
 MeshBodies = Annotated[
     str | None,
     "What bodies of a mesh are whose winding does not tell: cavities, taken away from the "

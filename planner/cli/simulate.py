@@ -1,7 +1,7 @@
 """planner simulate, export, design: parts under loads, and the gradient that bends them so."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +13,42 @@ from planner.glance import counted, format_number, format_range, sized
 
 _MeshMaterial = Annotated[str | None, "What a mesh is made of, which is no plan."]
 _PlansPrinter = Annotated[str | None, "Installed printer; by default the plan's, else connex3."]
+_CasesFile = Annotated[
+    Path | None, "TOML file of load cases: tables 'case' with these options, and name."
+]
+_MeshUnit = Annotated[str | None, "Unit of a mesh: mm, cm, m, um, inch, ft."]
+
+_Texts = list[str] | None
+"""Of an option that may be repeated."""
+
+
+@dataclass(frozen=True)
+class _LoadOptions:
+    """How a whole part is held and loaded.
+
+    Attributes
+    ----------
+    fix
+        Faces of the whole part that do not move, as x=max; for what may stand there see
+        docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.
+    load
+        Force on faces in all, as 'x=min: 0,0,-0.5 N'.
+    moment
+        Moment about the middle of faces, as 'x=min: 0,5,0 N mm'.
+    pressure
+        Pressure on faces, as 'cavity: 20 kPa'.
+    move
+        Faces that are moved, as 'z>102: 5,free,0 mm'.
+    gravity
+        Where the part's weight pulls: -z, or dx,dy,dz.
+    """
+
+    fix: _Texts = None
+    load: _Texts = None
+    moment: _Texts = None
+    pressure: _Texts = None
+    move: _Texts = None
+    gravity: str | None = None
 
 
 _CELL = ("--cell", "--cell-mm")
@@ -25,13 +61,13 @@ _FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
 def simulate(
     source: str,
     *,
-    loads: cli.LoadOptions,
-    cases: cli.CasesFile = None,
+    loads: _LoadOptions,
+    cases: _CasesFile = None,
     watch: list[str] | None = None,
     material: _MeshMaterial = None,
     cell_mm: Annotated[float | None, *_CELL] = None,
     compare_cells: bool = True,
-    unit: cli.MeshUnit = None,
+    unit: _MeshUnit = None,
     bodies: cli.MeshBodies = None,
     to_strain: float = 0.3,
     rate_mm_s: Annotated[float | None, "--rate"] = None,
@@ -251,10 +287,10 @@ def export(
     to: str,
     output: cli.Output = None,
     cell_mm: Annotated[float | None, *_CELL] = None,
-    loads: cli.LoadOptions,
+    loads: _LoadOptions,
     to_strain: float | None = None,
     material: _MeshMaterial = None,
-    unit: cli.MeshUnit = None,
+    unit: _MeshUnit = None,
     bodies: cli.MeshBodies = None,
     printer: _PlansPrinter = None,
     palette: cli.PaletteName = None,
@@ -325,8 +361,8 @@ def design(
     from_: Annotated[str, "--from"],
     to: str,
     target: list[str] | None = None,
-    loads: cli.LoadOptions,
-    cases: cli.CasesFile = None,
+    loads: _LoadOptions,
+    cases: _CasesFile = None,
     case: list[str] | None = None,
     limit: list[str] | None = None,
     free: str | None = None,
@@ -341,7 +377,7 @@ def design(
     cell_mm: Annotated[float | None, *_CELL] = None,
     minutes: float | None = None,
     tolerance: float = 0.01,
-    unit: cli.MeshUnit = None,
+    unit: _MeshUnit = None,
     bodies: cli.MeshBodies = None,
     printer: str | None = None,
     limits: cli.PrinterLimits,
