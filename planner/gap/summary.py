@@ -132,9 +132,8 @@ def _cause(d: Diagnosis) -> str:
     sure = next((words for least, words in _SURE if best.probability >= least), None)
     if d.verdict == "none" and d.remainder:
         return (
-            f"No cause that could be tested is likelier than none ({chance}), but specimens differ "
-            f"with {axis_words(d.remainder[0].axis)} by more than they scatter: look for what was "
-            "not alike there."
+            f"No cause that could be tested is likelier than none ({chance}), but a gap along "
+            f"{axis_words(d.remainder[0].axis)} is more than scatter: look for what differs there."
         )
     if d.verdict == "none":
         return (

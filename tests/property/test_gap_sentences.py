@@ -80,7 +80,7 @@ def test_none_with_a_remainder_does_not_say_that_there_is_nothing(gap: Gap, axis
     text = " ".join(verdict_text(d, width=10_000).split())
     for calm in ("needs no cause", "No effect is needed", "Nothing to explain", "agrees with"):
         assert calm not in text
-    assert f"specimens differ with {axis_words(axis)} by more than they scatter" in text
+    assert f"a gap along {axis_words(axis)} is more than scatter" in text
     assert "A gap above scatter remains" in text
     # Replicates share every condition; a batch they need not.
     assert ("goes with their batch" in text) == (axis == "batch" and gap.floor is not None)
