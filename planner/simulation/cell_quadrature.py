@@ -146,9 +146,7 @@ def _points(pieces: Any, p: Any) -> Any:
     _measure(pieces, p, measure)
     if measure.shape[0] <= _POINTS:
         return measure
-    mass = 0.0
-    for q in range(measure.shape[0]):
-        mass += measure[q, 3]
+    mass = measure[:, 3].sum()
     wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
     middle, half = np.empty(3), np.empty(3)
     line, moment = np.empty((7, 7)), np.zeros(_MOMENTS)
@@ -175,10 +173,7 @@ def _points(pieces: Any, p: Any) -> Any:
 def _find_box(measure: Any, mass: Any, wide: Any, middle: Any, half: Any) -> Any:
     # The box that holds a piece, and its axes, a row each: along the piece's principal axes, or
     # along the cell's where that is not much smaller.
-    aligned, turn, spread = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    mean = np.zeros(3)
-    for a in range(3):
-        aligned[a, a] = turn[a, a] = 1.0
+    aligned, turn, mean, spread = np.eye(3), np.eye(3), np.zeros(3), np.zeros((3, 3))
     for q in range(measure.shape[0]):
         for a in range(3):
             mean[a] += measure[q, 3] * measure[q, a]
@@ -318,7 +313,6 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
     trial, step = np.empty((many, 4)), np.empty((many, 4))
     normal, slopes = np.empty((moments, moments)), np.empty((4 * many, moments))
-    moves = np.empty(4 * many)
     error, worst = _miss(moment, place, line, miss)
     for _ in range(_STEPS):
         if worst < _MET:
@@ -335,7 +329,7 @@ def _adjust(moment: Any, place: Any, line: Any) -> Any:
             _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
             _add_products(slopes[4 * q + 3], w, x, y, z)
         _solve_normal(slopes, miss, normal, answer)
-        np.dot(slopes, answer, moves)
+        moves = np.dot(slopes, answer)
         most = 1.0
         for q in range(many):
             for k in range(4):
@@ -389,9 +383,7 @@ def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
 def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
     # slopes' slopes answer = miss
     np.dot(slopes.T, slopes, normal)
-    n, trace = miss.size, 0.0
-    for i in range(n):
-        trace += normal[i, i]
+    n, trace = miss.size, np.trace(normal)
     for i in range(n):
         normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
     lower = np.linalg.cholesky(normal)
