@@ -691,7 +691,7 @@ def _mixed(known: Mapping[str, Sequence[Any]], how: str) -> Iterator[Caution]:
         if condition == "orientation":
             differ, ends = len(found) > 1, ", ".join(found)
         else:
-            differ = bool(found) and np.ptp(found) > _DIFFERENT * max(map(abs, found))
+            differ = bool(found) and _apart(found)
             ends = f"{min(found):g} to {max(found):g}" if differ else ""
         if differ:
             yield Caution(f"{condition} differs between specimens ({ends}); {how}")
@@ -700,20 +700,25 @@ def _mixed(known: Mapping[str, Sequence[Any]], how: str) -> Iterator[Caution]:
 def _warmed_and_more(study: Study, others: dict[str, tuple[Curve, ...]]) -> Iterator[Caution]:
     """Say what else differs between a palette's temperature and those that it is compared with."""
     here = replace(study, groups={material: study.groups[material] for material in others})
-    for (condition, own), far in zip(
-        _conditions(here).items(), _conditions(replace(study, groups=others)).values(), strict=True
-    ):
+    known, elsewhere = _conditions(here), _conditions(replace(study, groups=others))
+    del known["temperature_C"]
+    for condition, own in known.items():
+        if not own or not (far := elsewhere[condition]):
+            continue
         if condition == "orientation":
             differ, ends = own != far, [", ".join(own), ", ".join(far)]
         else:
-            means = [float(np.mean(found)) for found in (own, far) if found]
-            differ = np.ptp(means or 0.0) > _DIFFERENT * max(map(abs, means), default=0.0)
-            ends = [f"{mean:.4g}" for mean in means]
-        if own and far and differ and condition != "temperature_C":
+            means = float(np.mean(own)), float(np.mean(far))
+            differ, ends = _apart(means), [f"{mean:.4g}" for mean in means]
+        if differ:
             yield Caution(
                 f"{condition} differs between temperatures ({ends[0]} at the palette's, {ends[1]} "
                 "elsewhere); what warming multiplies stress by holds what that does too"
             )
+
+
+def _apart(values: Sequence[float]) -> bool:
+    return float(np.ptp(values)) > _DIFFERENT * max(map(abs, values))
 
 
 def _ids(materials: Sequence[str]) -> dict[str, str]:
