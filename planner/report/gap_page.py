@@ -218,12 +218,9 @@ def _cause_words(name: str) -> str:
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one line."""
     verdict = diagnosis.verdict
-    words = {
-        "none": "no cause that was tested"
-        if diagnosis.remainder
-        else "no gap that needs an explanation",
-        "unknown": "a gap that no effect here explains",
-    }.get(verdict, _cause_words(verdict))
+    none = "no cause that was tested" if diagnosis.remainder else "no gap that needs an explanation"
+    others = {"none": none, "unknown": "a gap that no effect here explains"}
+    words = others.get(verdict, _cause_words(verdict))
     more = f": {words}" if words != verdict else ""
     return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
@@ -354,13 +351,15 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | _Table]:
         yield f"These errors are on tests that took no part in the fit ({gap.held_out})."
     errors = tuple((words, percent(error)) for words, error in errors_of(diagnosis))
     yield _Table(("prediction", "error"), errors)
-    if gap.floor is not None:
-        below = any(error < gap.floor for _, error in errors_of(diagnosis))
+    if gap.floor is not None and any(place.axis == "batch" for place in diagnosis.remainder):
         yield (
             "Part of what replicates differ by goes with their batch and is no scatter: a "
             "prediction that knew of it could be better than that."
-            if any(place.axis == "batch" for place in diagnosis.remainder)
-            else "However good a prediction is, it misses a new specimen by about as much as "
+        )
+    elif gap.floor is not None:
+        below = any(error < gap.floor for _, error in errors_of(diagnosis))
+        yield (
+            "However good a prediction is, it misses a new specimen by about as much as "
             "replicates scatter: an error near that"
             f"{', even slightly below by chance,' if below else ''} is as good as can be."
         )
