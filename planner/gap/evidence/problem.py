@@ -487,6 +487,8 @@ class Problem:
         What the palette alone predicts of the features, raw.
     residual : (N,)
         Measured less predicted, transformed.
+    chord : (N,)
+        What a factor on a specimen's forces changes, over its logarithm.
     unit_gains : (n,)
         See `planner.gap.noise.unit_gains`.
     calibration : (N, q)
@@ -560,7 +562,8 @@ class Problem:
         self.noise = features.noise(self.scatter)
         chord = table.chord(self.unpredicted)
         members = table.specimen[:, None] == np.arange(len(campaign.specimens))
-        gains = np.where(field, 0.0, chord)[:, None] * members
+        self.chord: FloatArray = np.where(field, 0.0, chord)
+        gains = self.chord[:, None] * members
         laws = calibration_columns(self.calibrations, changes[:count])
         bends = discrepancy_columns(campaign, table, self.sensitivity)
         camera = _field_columns(table, facets, aside, self.sensitivity)
@@ -603,8 +606,7 @@ class Problem:
 
     def explained(self, candidate: Candidate) -> FloatArray:
         """Return what a candidate changes of the transformed features, (N,)."""
-        force = np.where(self.table.is_field, 0.0, self.table.chord(self.unpredicted))
-        change = candidate.log_gains(len(self.strays))[self.table.specimen] * force
+        change = candidate.log_gains(len(self.strays))[self.table.specimen] * self.chord
         if candidate.parts:
             change += self.changes(self.predictions([candidate]))[0]
         if candidate.own is not None:

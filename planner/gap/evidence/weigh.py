@@ -369,11 +369,11 @@ class Weighed:
         return error(Candidate(())), min((error(each) for each in found), key=np.sum)
 
 
-def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
-    """Return the likelihoods that hypotheses are weighed under, the plain one first.
+def _likelihoods(problem: Problem) -> tuple[tuple[Likelihood, ...], tuple[Likelihood, ...]]:
+    """Return the likelihoods that hypotheses are weighed under, the plain one first, and more.
 
     Models are exact, the scatter a little off; or laws are as poor as fits may be; or all models
-    have a discrepancy. Last those whose levels scatter less, for a gain of some specimens alone.
+    have a discrepancy. In those that are more, levels scatter less: for a gain of some specimens.
 
     How far levels scatter and how far the rest does is unsure each by itself: few replicates may
     agree by chance, and would make an effect of what others differ by, and the many features of a
@@ -390,19 +390,22 @@ def _likelihoods(problem: Problem) -> tuple[Likelihood, ...]:
         ),
         *((1.0, 1.0, 0.0, laws, exact) for laws in poorer),
         *((1.0, 1.0, size, least, share) for size, share in _DISCREPANCIES.items() if size),
-        *((1.0, level, 0.0, least, 4.0 / 9.0 * exact / len(_LEVELS)) for level in _LEVELS),
     ]
-    return tuple(
-        Likelihood(problem, scale=scale, level=level, discrepancy=size, laws=laws, share=share)
-        for scale, level, size, laws, share in sizes
+    less = [(1.0, level, 0.0, least, 4.0 / 9.0 * exact / len(_LEVELS)) for level in _LEVELS]
+    usual, narrow = (
+        tuple(
+            Likelihood(problem, scale=scale, level=level, discrepancy=size, laws=laws, share=share)
+            for scale, level, size, laws, share in each
+        )
+        for each in (sizes, less)
     )
+    return usual, narrow
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
     """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
-    every = _likelihoods(problem)
-    likelihoods = every[: -len(_LEVELS)]
+    likelihoods, narrow = _likelihoods(problem)
     of_scatter = tuple(w for w in likelihoods if w.scale == w.level == 1.0)
     none = PosteriorMode.of_nothing(max(of_scatter, key=lambda w: w.none + w.log_share))
     result = Weighed(logs, of_scatter, none)
@@ -412,7 +415,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         exact = likelihood.discrepancy <= _law_errors(problem)[0]
         axis, log_prior = ("", logs.of(())) if exact else (EVERY_TEST, logs.any)
         result.add((), axis, log_prior, evidence)
-    beside_gain = every if logs.some else ()
+    beside_gain = (*likelihoods, *narrow) if logs.some else ()
     result.modes = _modes(result.likelihoods, logs)
     for one, likelihood in product(result.modes, likelihoods):
         found = one.weighed(likelihood, one.eliminated(likelihood))

@@ -13,7 +13,6 @@ from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior_mode import Likelihood, PosteriorMode, _State, posterior_mode
 from planner.gap.evidence.problem import Candidate, Problem, joined
 from planner.gap.evidence.weigh import (
-    _LEVELS,
     _in_all_forms,
     _likelihoods,
     _with_parts_alone,
@@ -68,7 +67,7 @@ def test_own_sizes_and_discrepancies_are_integrated_out_together(problem: Proble
 
 def test_likelihoods_share_one_and_their_scatter_is_as_unsure_as_it_is(problem: Problem) -> None:
     """They sum to one; how far levels scatter, and the rest, are normal each, by its moments."""
-    prior = _likelihoods(problem)[: -len(_LEVELS)]
+    prior, _ = _likelihoods(problem)
     assert sum(np.exp(each.log_share) for each in prior) == pytest.approx(1.0, rel=1e-12)
     exact = [each for each in prior if (each.discrepancy, each.laws) == (0.0, prior[0].laws)]
     share = np.exp([each.log_share for each in exact])
