@@ -29,7 +29,7 @@ from planner.formats.field_file import GridTable, read_grid_table, read_point_ta
 from planner.formats.files import path_within, read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.glance import place_text
-from planner.mesh.distance import TriangleTree, distances, moved_within, triangle_tree
+from planner.mesh.distance import TriangleTree, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
 from planner.mesh.part import make_part
 from planner.numerics import FloatArray, Point, as_point, numbers_in
@@ -146,7 +146,7 @@ def _from_line(point_mm: Point, direction: Point, points_mm: FloatArray) -> Floa
 
 def _from_surface(tree: TriangleTree, depth: bool, points_mm: FloatArray) -> FloatArray:
     """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
-    found, outside = distances(tree, points_mm)
+    found, outside = tree.distances(points_mm)
     return np.where(outside, -found, found) if depth else found
 
 
@@ -187,13 +187,13 @@ _CREASE = np.cos(np.radians(40.0))
 
 def _smooth_patch(mesh: Mesh, point_mm: FloatArray) -> Mesh:
     """Return the faces around the place nearest to a point, up to edges sharper than 40 degrees."""
-    distance = distances(triangle_tree(mesh), point_mm[None])[0][0]
+    distance = triangle_tree(mesh).distances(point_mm[None])[0][0]
     # The face itself: the only one, or one of those, as near as that.
     corners = mesh.triangles
     box = np.maximum(corners.min(axis=1) - point_mm, point_mm - corners.max(axis=1)).max(axis=1)
     candidates = np.flatnonzero(box <= distance + 1e-9)
     off = [
-        distances(triangle_tree(Mesh(mesh.vertices, mesh.faces[[f]])), point_mm[None])[0][0]
+        triangle_tree(Mesh(mesh.vertices, mesh.faces[[f]])).distances(point_mm[None])[0][0]
         for f in candidates.tolist()
     ]
     picked = int(candidates[int(np.argmin(off))])
@@ -355,7 +355,7 @@ class FieldArguments:
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
             mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
             tree, says = triangle_tree(mesh), {"file": Path(text).name, "sha256": sha256}
-            return FieldRegion(lambda points_mm: ~distances(tree, points_mm)[1], says)
+            return FieldRegion(lambda points_mm: ~tree.distances(points_mm)[1], says)
         raise ArgumentError(f"field {self.kind}: {key}={text!r} is no region; it may be {_REGIONS}")
 
     def _placed(self, own: Sequence[float]) -> Point:
@@ -417,7 +417,7 @@ class Setting:
         """The part's vertices and points within it."""
         grid, inside = cells_of(self.mesh, self._coarse_mm)
         # Cells of thin walls have their middle outside.
-        within = moved_within(self.surface, grid.centre_mm(np.argwhere(inside)), 0.0)
+        within = self.surface.moved_within(grid.centre_mm(np.argwhere(inside)), 0.0)
         return np.concatenate([self.mesh.vertices, within])
 
     @property
@@ -440,7 +440,7 @@ class Setting:
             finer = (points[:, None] + half_mm * _CORNERS).reshape(-1, 3)
             if not outside:
                 finer = finer[quantity(finer) > best]
-                finer = np.concatenate([points, moved_within(self.surface, finer, 0.0)])
+                finer = np.concatenate([points, self.surface.moved_within(finer, 0.0)])
             points = finer
             values = quantity(points)
             if not outside and values.max() > best + 0.03 * half_mm:
@@ -568,7 +568,7 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
     def values(points_mm: FloatArray) -> FloatArray:
         found = valued(points_mm)
         if (bad := ~np.isfinite(found)).any():
-            held = moved_within(setting.surface, points_mm[bad], _DEPTH_MM)
+            held = setting.surface.moved_within(points_mm[bad], _DEPTH_MM)
             found[bad] = again = valued(held)
             if not np.isfinite(again).all():
                 first = int(np.argmin(np.isfinite(again)))

@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, as_texts, check_known, positive
 from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import read_columns
 from planner.formats.units import unit_factor
-from planner.mesh.distance import TriangleTree, closest, triangle_tree
+from planner.mesh.distance import TriangleTree, triangle_tree
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, Point
 from planner.simulation.bar import united
@@ -498,7 +498,7 @@ class WantedShape(NamedTuple):
             note = f"{text}: its triangles are those of the part, which go up to {greatest:.4g} mm"
         else:
             own = united({"": part})
-            nearest, _ = closest(triangle_tree(surface), own.vertices)
+            nearest, _ = triangle_tree(surface).closest(own.vertices)
             way = np.linalg.norm(nearest - own.vertices, axis=1)
             greatest = float(way.max())
             note = (
@@ -575,7 +575,7 @@ class ShapeGoal(NamedTuple):
         share = np.bincount(surface.faces.ravel(), np.repeat(area, 3), len(surface.vertices))
         target = None
         if wanted.rest is not None:
-            place, which = closest(triangle_tree(wanted.rest), surface.vertices)
+            place, which = triangle_tree(wanted.rest).closest(surface.vertices)
             target = carried_along(wanted.rest.triangles[which], wanted.moved[which], place)
         return cls(
             wanted, surface.vertices, carried, share / share.sum(), target,
@@ -587,7 +587,7 @@ class ShapeGoal(NamedTuple):
         place = self.place_mm + self.carried @ displacement_mm
         greatest = self.wanted.greatest_mm
         scale = np.sqrt(self.share * self.wanted.target.weight) / greatest
-        to, which = closest(self.tree, place) if self.target_mm is None else (self.target_mm, None)
+        to, which = self.tree.closest(place) if self.target_mm is None else (self.target_mm, None)
         apart = place - to
         off_mm = np.linalg.norm(apart, axis=1)
         along, off = None, (scale[:, None] * apart).ravel()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import Mesh, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "distances", "triangle_tree"]
+__all__ = ["TriangleTree", "triangle_tree"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -40,6 +40,27 @@ class TriangleTree:
     outward: FloatArray
     box: FloatArray
     order: IntArray
+
+    def distances(self, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return how far points (n, 3) are from the nearest triangle, and whether it faces them.
+
+        Exact up to rounding. A point faces a closed surface where it lies outside.
+        """
+        distance, faced, _, _ = _all_nearest(self, points_mm)
+        return distance, faced
+
+    def closest(self, points_mm: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return the place of the triangles nearest to points (n, 3), and whose it is, (n,)."""
+        _, _, place, which = _all_nearest(self, points_mm)
+        return place, self.order[which]
+
+    def moved_within(self, points_mm: FloatArray, depth_mm: float) -> FloatArray:
+        """Return points (n, 3), those outside a closed surface, or hardly below, moved below it."""
+        distance, faced, place, which = _all_nearest(self, points_mm)
+        inwards = self.corners[which].mean(axis=1) - place  # off the face's own edges, too
+        inwards /= np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-300)
+        below = place + depth_mm * (inwards - self.outward[which, 0])
+        return np.where((faced | (distance < depth_mm))[:, None], below, points_mm)
 
 
 def triangle_tree(mesh: Mesh) -> TriangleTree:
@@ -101,30 +122,6 @@ def _outward(mesh: Mesh) -> FloatArray:
     at_edge = np.empty((faces.size, 3))
     at_edge[order] = np.repeat(total, count, axis=0)
     return np.concatenate([normal[:, None], at_vertex[faces], at_edge.reshape(-1, 3, 3)], axis=1)
-
-
-def distances(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the distance from points (n, 3) to the nearest triangle, and whether it faces them.
-
-    Exact up to rounding. A point faces a closed surface where it lies outside.
-    """
-    distance, faced, _, _ = _all_nearest(tree, points_mm)
-    return distance, faced
-
-
-def closest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the nearest place of the triangles to points (n, 3), and whose place it is, (n,)."""
-    _, _, place, which = _all_nearest(tree, points_mm)
-    return place, tree.order[which]
-
-
-def moved_within(tree: TriangleTree, points_mm: FloatArray, depth_mm: float) -> FloatArray:
-    """Return points (n, 3), those outside a closed surface, or hardly below it, moved below it."""
-    distance, faced, place, which = _all_nearest(tree, points_mm)
-    inwards = tree.corners[which].mean(axis=1) - place  # off the face's own edges, too
-    inwards /= np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-300)
-    below = place + depth_mm * (inwards - tree.outward[which, 0])
-    return np.where((faced | (distance < depth_mm))[:, None], below, points_mm)
 
 
 def _all_nearest(

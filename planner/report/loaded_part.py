@@ -12,7 +12,7 @@ from planner.errors import check_kind
 from planner.formats.field_file import encode_vtu
 from planner.glance import format_interval, format_number, in_percent, place_text, sized
 from planner.materials.mixtures import CoefficientModel
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.numerics import FloatArray, IntArray
 from planner.report import page, svg
 from planner.report.display import ScreenGrid, thinned
@@ -308,7 +308,7 @@ def _cuts(result: PartSimulation) -> Iterator[_PartCut]:
         margin = _SKIN * float(cell_mm[across])
         at = float(np.clip(place[across], low[across] + margin, high[across] - margin))
         places[..., across], places[..., along], places[..., up] = at, x, y[:, None]
-        _, outside = distances(tree, places.reshape(-1, 3))
+        _, outside = tree.distances(places.reshape(-1, 3))
         values = np.full(places.shape[:2], np.nan)
         if not outside.all():
             inside = ~outside.reshape(values.shape)
@@ -587,7 +587,7 @@ def part_volume(result: PartSimulation) -> bytes:
     np.add.at(volume, tuple(cells.index.T), cells.cell_volume_mm3)
     full = volume[tuple(cells.index.T)] > (1.0 - 1e-9) * np.prod(cells.cell_mm)
     asked = np.unique(corners[~full[cell]])
-    away, outside = distances(triangle_tree(cells.surface), points[asked])
+    away, outside = triangle_tree(cells.surface).distances(points[asked])
     distance[asked] = np.where(outside, away, -away) - _NEAR * float(cells.cell_mm.min())
     kept, used, edge, share = _clip_hexahedra(corners, points, distance)
 

@@ -18,7 +18,7 @@ from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome, place_text, plotted, sized
 from planner.materials.mixtures import CoefficientModel
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, join_shells
 from planner.mesh.part import open_part, plain
@@ -139,10 +139,10 @@ def _by_shells(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) ->
         for mesh, tree, coordinate in zip(meshes, trees, filled, strict=True):
             low, high = mesh.bounds_mm
             near = np.flatnonzero(((placed >= low) & (placed <= high)).all(axis=1))
-            _, outside = distances(tree, placed[near])
+            _, outside = tree.distances(placed[near])
             found[near[~outside]] = coordinate
         lost = np.flatnonzero(np.isnan(found))
-        away = np.stack([distances(tree, placed[lost])[0] for tree in trees])
+        away = np.stack([tree.distances(placed[lost])[0] for tree in trees])
         found[lost] = filled[away.argmin(axis=0)]
         return found
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.mesh import Mesh, number_groups, unite
 from planner.numerics import FloatArray, IntArray, as_point, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, columns_of, snap
@@ -749,7 +749,7 @@ def room_mm(
     tree = triangle_tree(Mesh(mesh.vertices, mesh.faces[near]))
 
     def depth_mm(places_mm: FloatArray) -> FloatArray:
-        found, outside = distances(tree, places_mm.reshape(-1, 3))
+        found, outside = tree.distances(places_mm.reshape(-1, 3))
         found = np.where(found < reach_mm, np.where(outside, -found, found), reach_mm)
         return found.reshape(places_mm.shape[:-1])
 

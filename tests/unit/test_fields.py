@@ -20,7 +20,7 @@ from planner.fields.parse import (
 )
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
 from planner.formats.mesh_file import encode_stl
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import make_part
 
@@ -127,7 +127,7 @@ def brute_force(triangles, points):
 
 def test_nearest_triangle_is_the_nearest_of_all():
     mesh = mesh_of(Manifold.sphere(4, 20) - Manifold.cube([9, 2, 2], True))
-    distance, outside = distances(triangle_tree(mesh), POINTS)
+    distance, outside = triangle_tree(mesh).distances(POINTS)
     np.testing.assert_allclose(distance, brute_force(mesh.triangles, POINTS), atol=1e-12)
     # Sharp edges and a hole: what is inside comes from the construction.
     in_slot = (np.abs(POINTS[:, 1]) < 1) & (np.abs(POINTS[:, 2]) < 1)

@@ -17,7 +17,7 @@ from planner.fields.solved import over_cells
 from planner.formats.mesh_file import decode_stl
 from planner.grading import printability
 from planner.grading.check import interfaces_cancel
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.mesh import Mesh, join_shells
 from planner.mesh.part import moved_to_corner
 from planner.voxels.columns import Grid
@@ -164,7 +164,7 @@ def depth(mesh: Mesh):
     tree = triangle_tree(mesh)
 
     def below(points: np.ndarray) -> np.ndarray:
-        distance, outside = distances(tree, points)
+        distance, outside = tree.distances(points)
         return np.where(outside, -distance, distance) / 2.0
 
     return below

@@ -11,7 +11,7 @@ import planner
 from benchmarks.interfaces import BOX, FACES
 from planner.errors import ArgumentError, FileError
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.distance import distances, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.mesh import Topology
 from planner.mesh.part import make_part
 from planner.plan import read_shells
@@ -66,7 +66,7 @@ def test_a_place_is_of_the_shell_that_holds_it(
     alike = np.zeros(len(points), bool)
     beside = np.full(len(points), np.inf)
     for file, soup in read_shells(plan):
-        distance, outside = distances(triangle_tree(united({file: soup})), placed)
+        distance, outside = triangle_tree(united({file: soup})).distances(placed)
         of_file = [r.coordinate for r in plan.regions if r.file == file]
         alike |= ~outside & (np.abs(found[:, None] - of_file) < 1e-9).any(axis=1)
         beside = np.minimum(beside, distance)
