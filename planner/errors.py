@@ -38,12 +38,15 @@ __all__ = [
     "UnknownNameError",
     "as_count",
     "as_number",
+    "as_texts",
+    "check_kind",
     "check_known",
     "did_you_mean",
     "listed",
     "nearest_names",
     "positive",
     "refused",
+    "within",
 ]
 
 

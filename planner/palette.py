@@ -39,6 +39,7 @@ __all__ = [
     "Material",
     "Palette",
     "PaletteFile",
+    "Reading",
     "Reference",
     "Temperature",
     "Uncertainty",

@@ -25,9 +25,11 @@ __all__ = [
     "decode_toml",
     "encode_document",
     "free_memory_bytes",
+    "json_of",
     "most_unpacked",
     "path_within",
     "read_file",
+    "toml_beside",
     "toml_text",
     "unpacked",
 ]

@@ -18,6 +18,8 @@ from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse
 
 __all__ = [
+    "BEYOND_GAUGE",
+    "LONGEST_FACET",
     "TOLERANCES",
     "Campaign",
     "PartTest",
@@ -29,7 +31,6 @@ __all__ = [
     "named",
     "replicate_groups",
     "stated",
-    "with_modes",
 ]
 
 
@@ -485,20 +486,20 @@ class Campaign:
         groups = replicate_groups(self.specimens)
         return tuple(tuple(self.specimens[i] for i in group) for group in groups)
 
+    def with_modes(self) -> "Campaign":
+        """Return the campaign with a column that tells tension from compression, if it has both.
 
-def with_modes(campaign: Campaign) -> Campaign:
-    """Return a campaign of which a further column tells tension from compression, if it has both.
-
-    Laws that were measured in tension may be off in compression alone: a gap may lie along it.
-    """
-    specimens = campaign.specimens
-    if len({s.pushed for s in specimens}) < 2 or "mode" in campaign.covariates:
-        return campaign
-    told = [
-        replace(s, covariates={**s.covariates, "mode": "compression" if s.pushed else "tension"})
-        for s in specimens
-    ]
-    return replace(campaign, specimens=tuple(told), covariates=(*campaign.covariates, "mode"))
+        Laws that were measured in tension may be off in compression alone: a gap may lie along it.
+        """
+        if len({s.pushed for s in self.specimens}) < 2 or "mode" in self.covariates:
+            return self
+        told = [
+            replace(
+                s, covariates={**s.covariates, "mode": "compression" if s.pushed else "tension"}
+            )
+            for s in self.specimens
+        ]
+        return replace(self, specimens=tuple(told), covariates=(*self.covariates, "mode"))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -36,6 +36,7 @@ from planner.simulation.part_response import PartResponse
 __all__ = [
     "CURVES",
     "SPECIMENS",
+    "CampaignFile",
     "ListReader",
     "has_curves",
     "read_campaign",

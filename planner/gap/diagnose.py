@@ -18,7 +18,6 @@ from planner.gap.campaign import (
     column_levels,
     named,
     stated,
-    with_modes,
 )
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.design import next_experiments
@@ -682,7 +681,7 @@ def prepared(
     """
     for id in without:
         effect_named(id, EFFECTS, "`without`")
-    campaign = with_modes(campaign)
+    campaign = campaign.with_modes()
     model = ObservationModel(campaign)
     if (model.test_of < 0).any():
         campaign, model = _kept(campaign, model.test_of >= 0, model.limitations)

@@ -30,6 +30,7 @@ from planner.simulation.bar_solver import Setup, unaltered
 __all__ = [
     "PATH_STEPS",
     "TIME_TOLERANCE",
+    "TURN_SHARE",
     "ReplicateTest",
     "SpecimenPath",
     "forces_N",

@@ -38,7 +38,7 @@ from planner.simulation.part import check_effort, default_cell_mm, finest_cell_m
 if TYPE_CHECKING:
     from planner.inverse_design.search import Case, DesignProblem, Found, Solved
 
-__all__ = ["PartDesign", "design"]
+__all__ = ["Course", "PartDesign", "design", "interrupted_design"]
 
 _MOST_KNOTS = 100
 

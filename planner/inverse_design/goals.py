@@ -24,7 +24,7 @@ from planner.simulation.loads import Conditions, LoadCase, read_conditions
 if TYPE_CHECKING:
     from planner.simulation.solid import Equilibrium, Mechanics
 
-__all__ = ["Functional", "Limits", "ShapeGoal", "Target", "WantedShape", "posed"]
+__all__ = ["Deviation", "Functional", "Limits", "ShapeGoal", "Target", "WantedShape", "posed"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,12 @@ from planner.palette import Material, Palette
 
 __all__ = [
     "LiteralCurve",
+    "QuadraticCoefficients",
     "QuadraticStudy",
     "algorithm_one",
     "literal_stress_MPa",
     "mixtures_without",
+    "normalised_rmse",
     "quadratic_study",
     "quadratics_through",
     "without",

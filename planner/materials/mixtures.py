@@ -25,6 +25,7 @@ __all__ = [
     "interpolated",
     "left_out_remark",
     "nearest_on",
+    "pchip_at",
     "pchip_slopes",
     "pchip_weights",
     "places_of",

@@ -12,6 +12,7 @@ from planner.numerics import BoolArray, Float32Array, FloatArray, Int32Array, in
 
 __all__ = [
     "JoinedShells",
+    "Measures",
     "Mesh",
     "Topology",
     "cancel_opposite",

@@ -20,7 +20,7 @@ from planner.palette import Material
 from planner.report import svg
 from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, QUIET, RUST, Chart
 
-__all__ = ["characterisation_figure", "fit_figure", "materials_figure"]
+__all__ = ["PLACES", "characterisation_figure", "fit_figure", "materials_figure"]
 
 
 _SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0

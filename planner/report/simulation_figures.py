@@ -13,7 +13,7 @@ from planner.report.svg import BLUE, GREY, INK, PALE_BLUE, RED, Chart
 from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
-__all__ = ["simulation_figure"]
+__all__ = ["course_of", "simulation_figure"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -18,7 +18,16 @@ from planner.mesh.mesh import Mesh, Topology, connected, measure
 from planner.numerics import BoolArray, FloatArray, IntArray, Point, numbers_in
 from planner.palette import Palette
 
-__all__ = ["Conditions", "LoadCase", "couple", "palette_densities", "read_cases", "read_conditions"]
+__all__ = [
+    "Condition",
+    "Conditions",
+    "LoadCase",
+    "Pressure",
+    "couple",
+    "palette_densities",
+    "read_cases",
+    "read_conditions",
+]
 
 
 # ------------------------------------------------------------------------------------------------

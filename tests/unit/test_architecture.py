@@ -1,8 +1,12 @@
 """The map of the house is the house."""
 
+import ast
 import re
 import tomllib
+from collections.abc import Collection, Iterator
 from pathlib import Path
+
+from benchmarks import house
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
@@ -34,3 +38,41 @@ def test_what_the_page_names_is_there() -> None:
         assert re.search(rf"^(def|class) {name}\b", source, re.MULTILINE), dotted
     for path in re.findall(r"`((?:\w+/)*\w+\.(?:py|js)|(?:\w+/)+)`", TEXT):
         assert any((base / path).exists() for base in (ROOT, ROOT / "planner")), path
+
+
+def _module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def test_what_another_file_takes_is_exported() -> None:
+    """`__all__` tells what a change of a file may break elsewhere; commands are for Typer."""
+    trees = {
+        _module(path): ast.parse(path.read_text(encoding="utf-8"))
+        for room in ("planner", "printers")
+        for path in (ROOT / room).rglob("*.py")
+    }
+    exported = {module: house.exported(ast.unparse(tree)) for module, tree in trees.items()}
+    taken = {
+        (module, name)
+        for tree in trees.values()
+        for module, name in _taken(tree, exported)
+        if not module.startswith("planner.cli.") and name != "__version__"
+    }
+    assert len(taken) > 600  # of a check that sees nothing
+    assert sorted(f"{m}.{name}" for m, name in taken if name not in exported[m]) == []
+
+
+def _taken(tree: ast.Module, modules: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Tell the names of modules that a file imports, or reads as attributes of modules."""
+    known: dict[str, str] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module in modules:
+            for name in node.names:
+                if (module := f"{node.module}.{name.name}") in modules:
+                    known[name.asname or name.name] = module
+                else:
+                    yield node.module, name.name
+    for node in ast.walk(tree):
+        of = node.value if isinstance(node, ast.Attribute) else None
+        if isinstance(of, ast.Name) and of.id in known:
+            yield known[of.id], node.attr

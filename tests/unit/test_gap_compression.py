@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.campaign import Campaign, Specimen, with_modes
+from planner.gap.campaign import Campaign, Specimen
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.observations import BRANCHES, ObservationModel
@@ -116,10 +116,10 @@ def test_it_counts_to_a_strain_of_seven_tenths() -> None:
 def test_tension_is_no_replicate_of_compression_and_has_a_column() -> None:
     both = campaign(*of("monotonic"), *of("monotonic", strain=0.4))
     assert len(ObservationModel(both).tests) == 4
-    told = with_modes(both)
+    told = both.with_modes()
     assert told.covariates == ("mode",)
     assert {s.covariates["mode"] for s in told.specimens} == {"tension", "compression"}
-    assert with_modes(campaign(*of("monotonic"))).covariates == ()
+    assert campaign(*of("monotonic")).with_modes().covariates == ()
 
 
 def test_a_folder_of_compression_is_read_as_such(tmp_path) -> None:
