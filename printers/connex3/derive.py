@@ -26,6 +26,7 @@ from printers.connex3.toe import CorrectedCurve, correct
 __all__ = [
     "EXTENSOMETER_PALETTE",
     "PALETTE",
+    "SPECIMEN_LOG_SD",
     "fit_strains",
     "palette_bytes",
     "reading_log_sd",
