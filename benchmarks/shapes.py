@@ -20,7 +20,7 @@ from planner.formats.field_file import encode_vti
 from planner.formats.mesh_file import encode_stl, read_mesh
 from planner.inverse_design.controls import Controls
 from planner.inverse_design.goals import carried_along
-from planner.mesh.distance import closest, triangle_tree
+from planner.mesh.distance import triangle_tree
 from planner.mesh.mesh import Mesh
 
 __all__ = ["block", "main", "manufactured", "shape_after"]
@@ -56,7 +56,7 @@ def block(x_mm: float, y_mm: float, z_mm: float, steps: tuple[int, int, int]) ->
 def shape_after(mesh: Mesh, made: planner.PartSimulation) -> _Array:
     """Return a mesh's triangles as a simulation deforms them."""
     surface = made.cells.surface
-    place, which = closest(triangle_tree(surface), mesh.vertices)
+    place, which = triangle_tree(surface).closest(mesh.vertices)
     moved = (surface.vertices + made.steps.displacement_mm[-1])[surface.faces]
     return carried_along(surface.triangles[which], moved[which], place)[mesh.faces]
 
