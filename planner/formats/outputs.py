@@ -529,7 +529,7 @@ def _carry(target: Path, scratch: Path, kept: tuple[str, ...], folder: _Place, o
         if not name.endswith("/"):
             try:
                 os.link(target / name, place, follow_symlinks=False)
-            except OSError:  # not every file system has second names
+            except (OSError, NotImplementedError):  # not every file system has second names
                 shutil.copy2(target / name, place, follow_symlinks=False)
 
 

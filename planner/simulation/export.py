@@ -23,7 +23,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, as_point
 from planner.palette import Palette
 from planner.printers import Printer
-from planner.simulation.loads import Condition, LoadCase, couple, read_conditions
+from planner.simulation.loads import Condition, LoadCase, Pressure, couple, read_conditions
 from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
 from planner.voxels.columns import MOST_VOXELS, Grid, inside_shares
 
@@ -141,6 +141,16 @@ class _Hexahedra(NamedTuple):
     def volume_mm3(self) -> float:
         """Volume of all."""
         return len(self.nodes) * self.cell_mm3
+
+    @property
+    def outer_middle_mm(self) -> FloatArray:
+        """Middles of the outer faces, (m, 3)."""
+        return self.middle_mm[self.outer[:, 0]] + 0.5 * self.outer_normal * self.cell_mm
+
+    @property
+    def outer_mm2(self) -> FloatArray:
+        """Areas of the outer faces, (m,)."""
+        return np.asarray(self.cell_mm3 / np.abs(self.outer_normal @ self.cell_mm))
 
 
 def _fitting_cell_mm(surface: Mesh, about_mm: float) -> float:
@@ -646,6 +656,10 @@ def _step(
             own = f"{name}_S{side + 1}"
             element_sets += _listed(f"*ELSET, ELSET={own}", cell[face == side])
             pressures.append(f"{own}, P{side + 1}, {push.pressure_MPa:.9g}")
+        nodes, missing_N = _missing(mesh, faces, surface, push)
+        if missing_N.any():
+            forces += _pulled(name, nodes, missing_N)
+            remarks.append(f"{name}'s cells end elsewhere than the part: forces make up for it")
     if conditions.gravity is not None:
         x, y, z = conditions.gravity
         pressures.append(f"EALL, GRAV, {_GRAVITY_MM_S2:g}, {x:.9g}, {y:.9g}, {z:.9g}")
@@ -661,6 +675,37 @@ def _pulled(name: str, nodes: IntArray, forces_N: FloatArray) -> Iterator[str]:
         yield f"{nodes[row] + 1}, {axis + 1}, {forces_N[row, axis]:.9g}"
 
 
+_ROUNDING = 1e-9
+"""Of the force on a cell's face: less is missing only by rounding."""
+
+
+def _missing(
+    mesh: _Hexahedra, faces: IntArray, surface: Mesh, push: Pressure
+) -> tuple[IntArray, FloatArray]:
+    """Return nodes of faces, and forces at them to which a pressure there falls short.
+
+    Faces of cells end elsewhere than the part's facets, and so does their resultant: with these
+    forces, which do not turn with the faces, it has the part's force and moment.
+    """
+    nodes, share = _spread(mesh, faces)
+    place_mm = mesh.node_mm[nodes]
+
+    def resultant(at_mm: FloatArray, outwards_mm2: FloatArray) -> FloatArray:
+        pull_N = -push.pressure_MPa * outwards_mm2
+        return np.array(
+            [pull_N.sum(axis=0), np.cross(at_mm - share @ place_mm, pull_N).sum(axis=0)]
+        )
+
+    part_mm, part_mm2 = surface.triangles.mean(axis=1), surface.area_vectors_mm2
+    cells_mm2 = mesh.outer_mm2[:, None] * mesh.outer_normal
+    force, moment = resultant(part_mm[push.facets], part_mm2[push.facets]) - resultant(
+        mesh.outer_middle_mm[faces], cells_mm2[faces]
+    )
+    missing_N = share[:, None] * force + couple(share, place_mm, moment)
+    rounded_N = _ROUNDING * push.pressure_MPa * mesh.outer_mm2.max()
+    return nodes, np.where(np.abs(missing_N) > rounded_N, missing_N, 0.0)
+
+
 def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
     """Return the facet of the part that each outer face of the cells stands for.
 
@@ -669,8 +714,7 @@ def _facets(mesh: _Hexahedra, surface: Mesh) -> IntArray:
     from scipy.spatial import cKDTree
 
     k = min(_NEIGHBOURS, len(surface.faces))
-    middle_mm = mesh.middle_mm[mesh.outer[:, 0]] + 0.5 * mesh.outer_normal * mesh.cell_mm
-    _, near = cKDTree(surface.triangles.mean(axis=1)).query(middle_mm, k=k)
+    _, near = cKDTree(surface.triangles.mean(axis=1)).query(mesh.outer_middle_mm, k=k)
     near = np.asarray(near).reshape(-1, k)
     agrees = np.einsum("nki,ni->nk", surface.area_vectors_mm2[near], mesh.outer_normal) > 0.0
     return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
@@ -684,8 +728,7 @@ def _nodes(mesh: _Hexahedra, faces: IntArray) -> IntArray:
 
 def _spread(mesh: _Hexahedra, faces: IntArray) -> tuple[IntArray, FloatArray]:
     """Return nodes of faces and the share of each in their area, as quadratic functions have it."""
-    edges = mesh.cell_mm
-    area = np.prod(edges) / np.abs(mesh.outer_normal[faces] @ edges)
+    area = mesh.outer_mm2[faces]
     # Of a face of eight nodes: -1/12 at corners, 1/3 at the middles of its edges.
     weight = np.array([-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4)
     nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)

@@ -210,6 +210,49 @@ def test_a_moment_is_forces_at_nodes_that_add_up_to_none():
     np.testing.assert_allclose(moment, [1.0, 2.0, 3.0], atol=1e-6)
 
 
+@pytest.mark.parametrize("cell_mm", [4.0, 2.0])
+def test_a_pressure_in_a_cavity_comes_to_that_on_its_opening(cell_mm):
+    """Whatever cells the walls are made of: 12 mm2 at x = 96 mm, and no moment about its middle.
+
+    Pressure on all of a closed surface comes to nothing: the walls' is against the opening's.
+    """
+    made = planner.export(
+        Path(__file__).parents[2] / "samples/finger.stl", to="calculix", cell_mm=cell_mm,
+        fix=["x=max"], pressure=["cavity: 5 kPa"], material="FLX9760", to_strain=0.5,
+    )  # fmt: skip
+    found = cards(made.data)
+    place = {int(row[0]): row[1:] for row in numbers(found["*NODE, NSET=NALL"])}
+    (lines,) = (lines for card, lines in found.items() if card.startswith("*ELEMENT,"))
+    elements = numbers([first + rest for first, rest in zip(lines[::2], lines[1::2], strict=True)])
+    total, moment = np.zeros(3), np.zeros(3)
+
+    def add(at_mm: np.ndarray, pull_N: np.ndarray) -> None:
+        total[:] += pull_N
+        moment[:] += np.cross(at_mm - [96.0, 0.0, 5.5], pull_N)
+
+    for node, axis, force in numbers(found["*CLOAD"]):
+        add(place[int(node)], force * np.eye(3)[int(axis) - 1])
+    for line in found["*DLOAD"]:
+        name, face, pressure = line.split(", ")
+        # Corners of the faces P1 to P6 of a hexahedron (CalculiX's manual, *DLOAD).
+        corners = (
+            [0, 1, 2, 3],
+            [4, 7, 6, 5],
+            [0, 4, 5, 1],
+            [1, 5, 6, 2],
+            [2, 6, 7, 3],
+            [3, 7, 4, 0],
+        )
+        for one in ",".join(found[f"*ELSET, ELSET={name}"]).split(","):
+            (row,) = elements[elements[:, 0] == int(one)]
+            a, b, c, d = (place[int(row[1 + k])] for k in corners[int(face[1]) - 1])
+            inwards_mm2 = 0.5 * np.cross(c - a, d - b)
+            add((a + b + c + d) / 4.0, float(pressure) * inwards_mm2)
+    # The file has nine digits of each of some thousand forces.
+    np.testing.assert_allclose(total, [-0.06, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-4)
+
+
 def test_mixtures_spread_evenly_are_made_of_equal_parts(palette):
     """Each material then stands for as many cells as any other, in the middle of them."""
     spread = np.linspace(0.0, 1.0, 960)
