@@ -168,6 +168,10 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
     return {each.material_name: each.colour for each in read_threemf(file).objects if each.colour}
 
 
+_ROUNDING = 1e-3
+"""Of a layer. Physical: what no printer tells; float32 in STL files takes less from a layer."""
+
+
 def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
     given: Any = pitch_mm if isinstance(pitch_mm, (list, tuple, np.ndarray)) else [pitch_mm]
     edges = tuple(positive(edge, "pitch in mm") for edge in given)
@@ -175,9 +179,9 @@ def _pitch(pitch_mm: _Pitch, extent_mm: FloatArray) -> tuple[float, ...]:
         raise ArgumentError(f"pitch: {len(edges)} lengths; give one in mm, or three: x, y, z")
     whole = edges if len(edges) == 3 else 3 * edges
     for axis, edge, extent in zip("xyz", whole, extent_mm.tolist(), strict=True):
-        if edge > extent:
+        if edge > (1.0 + _ROUNDING) * extent:
             micrometres = ",".join(f"{p / 1000.0:g}" for p in whole)
-            hint = f"; did you mean {micrometres} mm?" if edge / 1000.0 <= extent / 2.0 else ""
+            hint = f"; did you mean {micrometres} mm?" if 1.0 <= edge <= 500.0 * extent else ""
             raise ArgumentError(
                 f"pitch along {axis} is {edge:g} mm, more than the part's {extent:.6g} mm{hint}"
             )

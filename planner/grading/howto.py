@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.formats.mesh_file import encode_stl
 from planner.formats.tables import encode_csv
-from planner.glance import as_words
+from planner.glance import as_words, counted
 from planner.grading.profile import StiffnessScale
 from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray
@@ -66,11 +66,11 @@ def with_howto(
 def _tray_notes(machine: Printer, placed: Mesh, coupons: int) -> list[str]:
     """Return what the job takes of the printer, with so many test coupons, a sentence each."""
     height_mm = float(np.ptp(placed.bounds_mm[:, 2]))
-    layers = math.ceil(height_mm / machine.layer_mm - 1e-6)
+    layers = max(math.ceil(height_mm / machine.layer_mm - 1e-3), 1)  # files round to float32
     support_mm3 = _beneath_mm3(placed)
     said = [
-        f"Height as the part lies in the files, z up: {height_mm:.4g} mm, {layers} layers of "
-        f"{1000.0 * machine.layer_mm:g} um.",
+        f"Height as the part lies in the files, z up: {height_mm:.4g} mm, "
+        f"{counted(layers, 'layer')} of {1000.0 * machine.layer_mm:g} um.",
         f"Support that fills what is open beneath the part: about {support_mm3 / 1000.0:#.2g} cm3 "
         f"of {as_words(machine.support)}; the printer's software says how much it adds around it.",
     ]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import planner
@@ -291,6 +292,21 @@ def test_pitches_that_are_none(
     assert reason in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("layers", [1, 3])
+def test_a_part_of_whole_layers_has_as_many(layers: int, tmp_path: Path, capsys) -> None:
+    """Its height is no sum of powers of two: STL files round it."""
+    body = trimesh.creation.box((12.0, 4.0, 0.03 * layers))
+    plan = planner.grade((body.vertices, body.faces), from_="Tango", to="Vero", axis="x")
+    folder = plan.write(tmp_path / "thin")
+    assert f" mm, {layers} layer{'s' if layers > 1 else ''} of 30 um" in plan.notes
+    assert planner.write_slices(folder, tmp_path / "s").grid.shape[2] == layers
+    # Millimetres and no micrometres: what is thinner than a layer is told so.
+    body = trimesh.creation.box((12.0, 4.0, 0.02))
+    plan = planner.grade((body.vertices, body.faces), from_="Tango", to="Vero", axis="x")
+    with pytest.raises(ArgumentError, match=r"z is 0\.03 mm, more than the part's 0\.02 mm$"):
+        planner.write_slices(plan.write(tmp_path / "less"), tmp_path / "t")
 
 
 def test_a_shell_that_was_altered_or_is_missing(dogbone: Path, tmp_path: Path) -> None:
