@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Literal, Protocol, runtime_checkable
+from typing import Annotated, Literal, Protocol, get_type_hints, runtime_checkable
 
 import msgspec
 
@@ -20,6 +20,7 @@ from planner.errors import (
     PaletteError,
     UnknownNameError,
     check_known,
+    listed,
     positive,
     refused,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "load_printer",
     "load_profile",
     "palette_of",
+    "printer_faults",
 ]
 
 
@@ -92,6 +94,9 @@ class Printer(Protocol):
 
 
 _Length = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+# In mm, and no micrometres or metres: no pitch is above 1 mm, no tray below a centimetre.
+_Pitch = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
+_Side = Annotated[float, msgspec.Meta(ge=10.0, lt=1e9)]
 _Names = Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
 
 
@@ -101,9 +106,9 @@ class ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     schema: Literal[1]
     name: str
     title: str
-    tray_mm: tuple[_Length, _Length, _Length]
-    pixel_mm: tuple[_Length, _Length]
-    layer_mm: _Length
+    tray_mm: tuple[_Side, _Side, _Side]
+    pixel_mm: tuple[_Pitch, _Pitch]
+    layer_mm: _Pitch
     minimum_wall_mm: _Length
     minimum_feature_mm: _Length
     base_resins: _Names
@@ -235,7 +240,11 @@ def installed_printers() -> dict[str, EntryPoint]:
     >>> list(planner.installed_printers())  # doctest: +SKIP
     ['connex3']
     """
-    return {e.name: e for e in sorted(entry_points(group="planner.printers"), key=lambda e: e.name)}
+    return {e.name: e for e in _published()}
+
+
+def _published() -> list[EntryPoint]:
+    return sorted(entry_points(group="planner.printers"), key=lambda e: e.name)
 
 
 def load_printer(
@@ -296,22 +305,64 @@ def _found(name: str | Path) -> Printer:
 
 
 def _installed(name: str) -> Printer:
-    found = installed_printers()
+    found = _published()
     said = f"no printer {name!r}; {{}}give its file, as printer.toml, or one that is installed:"
-    check_known(name, found, said, UnknownNameError)
+    check_known(name, sorted({e.name for e in found}), said, UnknownNameError)
+    plugins = {_origin(e): e for e in found if e.name == name}
+    if len(plugins) > 1:
+        raise UnknownNameError(
+            f"printer {name!r} is published by {listed(sorted(plugins))}; uninstall all but one"
+        )
+    ((origin, plugin),) = plugins.items()
     try:
-        loaded = found[name].load()
+        loaded = plugin.load()
+        faults = printer_faults(loaded)
     except Exception as error:  # whatever a plugin of others may raise
         raise UnknownNameError(
-            f"printer {name!r}: its plugin {found[name].value} cannot be loaded "
+            f"printer {name!r}: its plugin {origin} cannot be loaded "
             f"({type(error).__name__}: {error}); reinstall or remove it"
         ) from error
-    if not isinstance(loaded, Printer):
+    if not faults and loaded.name != name:  # plans name the printer, and ask for it by that
+        faults = [f"name is {loaded.name!r}; give it the entry point's"]
+    if faults:
         raise UnknownNameError(
-            f"printer {name!r}: {found[name].value} is not a planner.Printer; "
+            f"printer {name!r}: {origin} is not a planner.Printer: {'; '.join(faults)}; "
             "run planner.testing.check_printer on it"
         )
-    return loaded
+    return loaded  # type: ignore[no-any-return]
+
+
+def _origin(entry: EntryPoint) -> str:
+    return entry.value if entry.dist is None else f"{entry.value} of {entry.dist.name}"
+
+
+def printer_faults(printer: object) -> list[str]:
+    """Return what an object lacks, or has out of range, to be a printer planner can plan for.
+
+    What its members raise is raised.
+    """
+    if not isinstance(printer, Printer):
+        members = (name for name in vars(Printer) if not name.startswith("_"))
+        missing = ", ".join(sorted(name for name in members if not hasattr(printer, name)))
+        return [f"{type(printer).__name__} lacks of planner.Printer: {missing}"]
+    faults = []
+    for name, kind in get_type_hints(ProfileFile, include_extras=True).items():
+        if hasattr(Printer, name):  # what a file has to say, whoever says it
+            try:
+                msgspec.convert(getattr(printer, name), kind)
+            except msgspec.ValidationError as error:
+                faults.append(f"{name} is {getattr(printer, name)!r}: {error}")
+    if faults or isinstance(printer, PrinterProfile):  # whose files are read when asked for
+        return faults
+    given: list[tuple[str, object, type]] = [
+        (f"palette({name!r})", printer.palette(name), Palette) for name in printer.palettes
+    ]
+    given.append(("job_notes()", printer.job_notes(), str))
+    return [
+        f"{name} is {value!r} and no {kind.__name__}"
+        for name, value, kind in given
+        if not isinstance(value, kind)
+    ]
 
 
 def palette_of(

@@ -7,7 +7,7 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal
 
 import msgspec
 
@@ -18,7 +18,7 @@ from planner.grading.check import diff
 from planner.grading.profile import stiffness_scale
 from planner.palette import LAW_PARAMETERS, PaletteFile
 from planner.plan import Plan, plan_file
-from planner.printers import Printer, ProfileFile
+from planner.printers import Printer, ProfileFile, printer_faults
 
 __all__ = ["assert_golden", "assert_same_plan", "check_printer", "file_schema", "golden_record"]
 
@@ -95,17 +95,9 @@ def check_printer(printer: object) -> None:
     AssertionError
         With everything that is missing or out of range.
     """
-    if not isinstance(printer, Printer):
-        members = (name for name in vars(Printer) if not name.startswith("_"))
-        missing = ", ".join(sorted(name for name in members if not hasattr(printer, name)))
-        raise AssertionError(f"{type(printer).__name__} lacks of planner.Printer: {missing}")
-    problems = []
-    for name, kind in get_type_hints(ProfileFile, include_extras=True).items():
-        if hasattr(Printer, name):  # what a file has to say, whoever says it
-            try:
-                msgspec.convert(getattr(printer, name), kind)
-            except msgspec.ValidationError as error:
-                problems.append(f"{name} is {getattr(printer, name)!r}: {error}")
+    problems = printer_faults(printer)
+    if problems or not isinstance(printer, Printer):
+        raise AssertionError("\n".join(problems))
     for name in printer.palettes:
         palette = printer.palette(name)
         if palette.name != name:
@@ -114,6 +106,9 @@ def check_printer(printer: object) -> None:
         for material in palette.materials:
             if not printer.operator_name(material.id):
                 problems.append(f"operator_name({material.id!r}) is empty")
+    known = {m.id for name in printer.palettes for m in printer.palette(name).materials}
+    for name in sorted(set(getattr(printer, "operator_names", ())) - known):
+        problems.append(f"operator_names has {name!r}, which no palette has")
     if not printer.job_notes().strip():
         problems.append("job_notes() is empty; tell the operator how to print the files")
     if problems:

@@ -5,6 +5,8 @@ import importlib
 import json
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -203,6 +205,9 @@ def test_a_profile_of_files_is_a_printer(folder: Path) -> None:
         ({"base_resins": ()}, "base_resins"),
         ({"palettes": ()}, r"palettes is \(\): Expected `array` of length >= 1"),
         ({"pixel_mm": (0.04, 0.04, 0.03)}, "pixel_mm is .*: Expected `array` of length 2, got 3"),
+        ({"pixel_mm": (42.0, 84.0)}, r"pixel_mm is .* < 1\.0"),  # micrometres
+        ({"tray_mm": (0.3, 0.2, 0.2)}, r"tray_mm is .* >= 10\.0"),  # metres
+        ({"operator_names": {"Sofft": "S"}}, "'Sofft', which no palette has"),
         ({"title": None}, "title is None: Expected `str`, got `null`"),
         ({"operator_names": {"Soft": ""}}, "operator_name"),
     ],
@@ -229,3 +234,80 @@ def test_unknown_printer_and_palette() -> None:
         load_printer("connx3")
     with pytest.raises(UnknownNameError, match="it has connex3-tango-vero"):
         load_printer("connex3").palette("agilus")
+
+
+# ------------------------------------------------------------------------------------------------
+# What others publish.
+
+
+class Jet:
+    """A printer of another package, like the Connex3 but for its name."""
+
+    name = "jet"
+
+    def __getattr__(self, member: str) -> Any:
+        return getattr(load_printer("connex3"), member)
+
+
+def published(monkeypatch: pytest.MonkeyPatch, *entries: tuple[str, str, object]) -> None:
+    """Stand in for what packages publish: name, package, and what is loaded, beside ours."""
+    ours = [*installed_printers().values()]
+    others = [
+        SimpleNamespace(
+            name=name,
+            value=f"{of}:IT",
+            dist=SimpleNamespace(name=of, version="1"),
+            load=lambda it=it: it,
+        )
+        for name, of, it in entries
+    ]
+    monkeypatch.setattr("planner.printers.entry_points", lambda group: [*ours, *others])
+
+
+def raising(*_: object) -> Any:
+    raise RuntimeError("no licence")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({}, None),
+        ({"layer_mm": "0.014"}, "layer_mm is '0.014': Expected `float`"),
+        ({"tray_mm": (255.0, 252.0)}, "tray_mm is .* length 3, got 2"),
+        ({"palette": lambda name=None: None}, r"palette\('connex3-tango-vero'\) is None"),
+        ({"palette": raising}, "cannot be loaded .RuntimeError: no licence"),
+        ({"job_notes": raising}, "cannot be loaded .RuntimeError: no licence"),
+        ({"job_notes": lambda: None}, r"job_notes\(\) is None and no str"),
+        ({"name": "other"}, "name is 'other'; give it the entry point's"),
+    ],
+)
+def test_a_printer_of_others_is_sound_or_named(
+    change: dict[str, object],
+    reason: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    jet = Jet()
+    vars(jet).update(change)
+    published(monkeypatch, ("jet", "jetpack", jet))
+    if reason is None:
+        assert load_printer("jet") is jet
+    else:
+        with pytest.raises(UnknownNameError, match=f"'jet'.*jetpack:IT of jetpack.*{reason}"):
+            load_printer("jet")
+    assert run(["printers"]) == (reason is not None)
+    told = capsys.readouterr()
+    assert "connex3" in told.out
+    assert ("jetpack" in told.err) == (reason is not None)
+
+
+def test_a_name_that_two_packages_publish_is_no_ones(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else which one plans goes by chance, even under the name of a printer of ours."""
+    published(monkeypatch, ("jet", "one", Jet()), ("jet", "two", Jet()))
+    with pytest.raises(UnknownNameError, match="by one:IT of one and two:IT of two; uninstall"):
+        load_printer("jet")
+    assert load_printer("connex3").name == "connex3"
+    assert run(["printers"]) == 1
+    assert "uninstall all but one" in capsys.readouterr().err
