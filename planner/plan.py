@@ -288,6 +288,9 @@ class Plan:
 
     Attributes
     ----------
+    voxel_mm
+        Pixel and layer of the printer where its name alone does not tell them: of one that is not
+        installed, or whose file has others.
     coupons
         Of a plan just made: the files of test coupons, by their paths in its folder.
     file
@@ -308,6 +311,7 @@ class Plan:
     findings: tuple[Finding, ...] = ()
     warnings: tuple[str, ...] = ()
     unreachable: tuple[Unreachable, ...] = ()
+    voxel_mm: tuple[float, float, float] | None = None
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
     coupons: Mapping[str, bytes] = field(default_factory=dict, repr=False, compare=False)

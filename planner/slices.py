@@ -109,6 +109,8 @@ def _open_shells(
     """
     file = plan_file(path)
     plan = read_plan(file)
+    if pitch_mm is None and printer is None:
+        pitch_mm = plan.voxel_mm
     machine = _machine(plan, printer, needed=pitch_mm is None)
     shells = tuple(_shells(file.parent, plan, machine))
     if not 0 < len(shells) <= _MOST_SHELLS:

@@ -1,5 +1,6 @@
 """The main job: part + gradient + palette -> Plan."""
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ from planner.cutting.grid import default_pitch_mm
 from planner.errors import (
     ArgumentError,
     Caution,
+    PlannerError,
     ThinBandError,
     as_count,
     as_number,
@@ -316,6 +318,7 @@ def grade(
         schema=1,
         version=__version__,
         printer=machine.name,
+        voxel_mm=_own_voxel_mm(machine),
         palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
         part=_part_graded(source, as_point(translation)),
         gradient=Gradient(
@@ -338,6 +341,15 @@ def grade(
     )
     tell("verifying the shells")
     return with_howto(_verified(plan, mesh), mesh, machine, scale, known, coupons=coupons)
+
+
+def _own_voxel_mm(machine: Printer) -> Point | None:
+    """Return the edges of a printer's voxel, unless its name alone tells them."""
+    own = (*machine.pixel_mm, machine.layer_mm)
+    with contextlib.suppress(PlannerError):
+        named = load_printer(machine.name)
+        return None if (*named.pixel_mm, named.layer_mm) == own else own
+    return own
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import planner
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, PaletteError, UnknownNameError
 from planner.printers import installed_printers, load_printer, load_profile
@@ -90,6 +91,24 @@ def test_a_lone_file_is_a_printer_like_another(folder: Path) -> None:
     own.write_text('schema = 1\nname = "own"\n')
     with pytest.raises(PaletteError, match="missing required field `title`"):
         load_printer(own)
+
+
+@pytest.mark.parametrize("name", ["connex3", "own"])
+def test_a_plan_is_sliced_in_the_voxels_that_it_was_made_for(name: str, tmp_path: Path) -> None:
+    """A file's printer may be called as one that is installed, or as none."""
+    own = tmp_path / "own.toml"
+    own.write_text(f'schema = 1\nname = "{name}"\nlike = "connex3"\nlayer_mm = 0.014\n')
+    body = trimesh.creation.box((12.0, 4.0, 0.28))
+    mesh, ends = (body.vertices, body.faces), {"from_": "Tango", "to": "Vero", "axis": "x"}
+    plan = planner.grade(mesh, **ends, printer=own)
+    assert "20 layers of 14 um" in plan.notes
+    folder = plan.write(tmp_path / "plan")
+    assert planner.write_slices(folder, tmp_path / "a").grid.pitch_mm == (0.042, 0.042, 0.014)
+    stack = planner.write_slices(folder, tmp_path / "b", printer="connex3")
+    assert stack.grid.pitch_mm == (0.042, 0.042, 0.03)
+    # Nothing more is said of a printer whose name says it.
+    machine = load_printer("connex3", minimum_wall_mm=0.8)
+    assert "voxel_mm" not in planner.grade(mesh, **ends, printer=machine).document()
 
 
 def test_single_limits_are_stated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
