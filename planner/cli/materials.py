@@ -68,7 +68,10 @@ def materials(
             cli.say("\n".join(blocks.values()).rstrip())
         return 0
     if names:
-        raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
+        raise ArgumentError(
+            f"materials {' '.join(names)}: all are listed, so name none; laws of these alone are "
+            "printed with --as abaqus, ansys or febio"
+        )
     cli.check_targets(force=force, figure=figure, output=output)
     if output is not None:
         planner.write_palette(every, output, force=force)

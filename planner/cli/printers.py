@@ -158,7 +158,8 @@ def _plugin(name: str, package: str, base: "planner.Printer") -> dict[str, bytes
         "pyproject.toml": filled("pyproject.toml"),
         f"{package}/__init__.py": filled("__init__.py"),
         f"{package}/printer.toml": filled("printer.toml"),
-        f"{package}/job_notes.md": base.job_notes().replace(base.title, name).encode(),
+        f"{package}/job_notes.md": f"**These notes are of the {base.title}: write what holds "
+        f"for {name} into job_notes.md.**\n\n{base.job_notes()}".encode(),
         f"test_{package}.py": filled("test.py"),
         f"{package}/palettes/{palette.name}.toml": b"#:schema ../palette.schema.json\n"
         + encode_palette(palette),

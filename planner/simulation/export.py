@@ -457,13 +457,13 @@ def _mesh_notes(mesh: _Hexahedra, part_mm3: float) -> Iterator[str]:
     off = mesh.volume_mm3 / part_mm3 - 1.0
     words = f"the cells have {abs(off):.1%} {'more' if off > 0 else 'less'} volume than the part"
     if abs(off) > _FAR_OFF:
-        yield Caution(f"{words}; take a smaller `cell_mm`")
+        yield Caution(f"{words}; take smaller cells")
     elif abs(off) > _SAME:  # else a box
         yield f"{words}; slanted and curved faces are stairs of {mesh.cell_mm.max():.3g} mm"
     if mesh.pieces > 1:
         yield Caution(
             f"the cells make {mesh.pieces} bodies that no face joins, each of which must be held; "
-            "if the part is one, take a smaller `cell_mm`"
+            "if the part is one, take smaller cells"
         )
     if mesh.dropped_mm3 > 0.0:
         yield f"{mesh.dropped_mm3:.2g} mm3 of cells that hang on nothing are left out"
