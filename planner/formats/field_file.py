@@ -445,18 +445,13 @@ def encode_vtu(
         cells follow in the same order.
     point_data, cell_data
         By name: (n,) or (n, c) of points, (m,) or (m, c) of all cells.
-
-    Raises
-    ------
-    ArgumentError
-        Values for another number of points or cells, or of a type that VTU has not.
     """
     count, counts = len(points), [len(nodes) for nodes in cells]
     cell_count = sum(counts)
     file = _Written("UnstructuredGrid", "")
     file.body.write(f'<Piece NumberOfPoints="{count}" NumberOfCells="{cell_count}">\n')
-    file.group("PointData", point_data or {}, count)
-    file.group("CellData", cell_data or {}, cell_count)
+    file.group("PointData", point_data or {})
+    file.group("CellData", cell_data or {})
     file.body.write("<Points>\n")
     file.array(points, "Points")
     file.body.write("</Points>\n<Cells>\n")
@@ -480,7 +475,7 @@ def encode_vti(first_mm: FloatArray, spacing_mm: FloatArray, values: _Values) ->
     file = _Written("ImageData", f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"')
     file.body.write(f'<Piece Extent="{extent}">\n')
     flat = {name: each.ravel(order="F") for name, each in values.items()}  # x runs fastest
-    file.group("PointData", flat, int(np.prod(shape)))
+    file.group("PointData", flat)
     return file.encoded()
 
 
@@ -497,10 +492,7 @@ class _Written:
 
     def array(self, values: NDArray[np.generic], name: str) -> None:
         """Add an array, (n,) or (n, c)."""
-        if (kind := _NAMES.get(values.dtype.newbyteorder("<").str[1:])) is None:
-            raise ArgumentError(
-                f"{name}: values of type {values.dtype} have no place in a VTU file"
-            )
+        kind = _NAMES[values.dtype.newbyteorder("<").str[1:]]
         width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         self.body.write(
             f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="appended" '
@@ -509,12 +501,10 @@ class _Written:
         data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
         self.blocks.write(len(data).to_bytes(8, "little") + data)
 
-    def group(self, tag: str, values_of: _Values, size: int) -> None:
-        """Add values of so many points or cells."""
+    def group(self, tag: str, values_of: _Values) -> None:
+        """Add values of all points or cells."""
         self.body.write(f"<{tag}>\n")
         for name, values in values_of.items():
-            if len(values) != size or values.ndim > 2:
-                raise ArgumentError(f"{name}: {values.shape} values for {size} of {tag}")
             self.array(np.asarray(values), name)
         self.body.write(f"</{tag}>\n")
 

@@ -466,8 +466,6 @@ def iterate_columns(
     MeshError
         A vertex is not finite, or lies more than 16384 voxels away from another.
     """
-    if slab_rows is not None and slab_rows < 1:
-        raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
     check_reach(mesh, grid)
     snapped = snap(mesh.vertices, grid)
     yield from columns_of(snapped, mesh.faces, grid, slab_rows=slab_rows, shortest=shortest)

@@ -3,9 +3,7 @@
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
 
-from planner.errors import ArgumentError
 from planner.formats.field_file import encode_vtu, read_point_table
 
 POINTS = np.array([[i, j, k] for k in (0, 1) for j, i in ((0, 0), (0, 1), (1, 1), (1, 0))], float)
@@ -45,16 +43,3 @@ def test_cells_of_two_kinds_follow_each_other():
     assert found["connectivity"] == [*range(8), 0, 1, 2, 4, 5, 6]
     assert found["offsets"] == [8, 11, 14]
     assert found["types"] == [12, 5, 5]
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({"point_data": {"a": np.zeros(7)}}, "a: .* 8 of PointData"),
-        ({"cell_data": {"a": np.zeros(8)}}, "a: .* 3 of CellData"),
-        ({"point_data": {"a": np.zeros(8, complex)}}, "complex128"),
-    ],
-)
-def test_values_that_do_not_fit_are_refused(more, words):
-    with pytest.raises(ArgumentError, match=words):
-        encode_vtu(POINTS, CELLS, **more)
