@@ -357,30 +357,24 @@ def _check(values: FloatArray, path: Path, then: str = "fill the gaps") -> None:
 def _npy(data: bytes, path: Path) -> FloatArray:
     """Read a .npy by its head; nothing is unpickled, nor made before it is known to be there."""
     stream = io.BytesIO(data)
+    said = "is no .npy of numbers, or cut short ({}); write it by numpy.save"
     # Whatever numpy's parser of foreign bytes may raise.
-    with refused(FileError, path, "is no .npy of numbers ({}); write it by numpy.save", Exception):
+    with refused(FileError, path, said, Exception):
         npy = np.lib.format
         is_first = npy.read_magic(stream) == (1, 0)
         read = npy.read_array_header_1_0 if is_first else npy.read_array_header_2_0
         shape, by_columns, dtype = read(stream)
-        sizes, begin = [int(size) for size in shape], stream.tell()
     if dtype.kind not in "biuf":
         raise FileError(
             f"{path}: holds values of type {dtype}; it needs real numbers: write "
             "array.astype(float) by numpy.save"
         )
-    if len(sizes) != 3:
-        raise FileError(f"{path}: has shape {tuple(sizes)}; it needs three axes: x, y, z")
-    count = math.prod(sizes)
-    if min(sizes) < 0 or count * dtype.itemsize > len(data) - begin:
-        raise FileError(
-            f"{path}: promises {' x '.join(map(str, sizes))} values of {dtype.itemsize} bytes, and "
-            f"holds {len(data) - begin} bytes: it is cut short; write it again"
-        )
-    values = np.frombuffer(data, dtype, count, begin) if count else np.empty(0)
+    if len(shape) != 3:
+        raise FileError(f"{path}: has shape {shape}; it needs three axes: x, y, z")
+    with refused(FileError, path, said, Exception):
+        values = np.ndarray(shape, dtype, data, stream.tell(), order="F" if by_columns else "C")
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
-        table = values.astype(np.float64).reshape(sizes, order="F" if by_columns else "C")
-    return np.ascontiguousarray(table)
+        return np.array(values, np.float64, order="C")
 
 
 def _csv(path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:

@@ -218,10 +218,13 @@ def refused(folder, name, data, reason, most_bytes=3_000_000):
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (npy(head(shape="(100000, 100000, 100000)"), bytes(192)), "promises 100000 x .* cut short"),
+        (
+            npy(head(shape="(100000, 100000, 100000)"), bytes(192)),
+            "or cut short .*too small",
+        ),
         (npy(head(shape=f"({10**18}, {10**18}, {10**18})"), bytes(192)), "cut short"),
-        (npy(head(), bytes(191)), "holds 191 bytes: it is cut short"),
-        (npy(head(shape="(-3, 4, 2)"), bytes(192)), "promises -3 x 4"),
+        (npy(head(), bytes(191)), "or cut short .*too small"),
+        (npy(head(shape="(-3, 4, 2)"), bytes(192)), "negative dimensions"),
         (npy(head(shape="(" * 60_000), bytes(192)), "no .npy of numbers"),
         (npy(b"{'descr': " + b"[" * 60_000), "no .npy of numbers"),
         (npy(head(descr="'|O'"), pickle.dumps(Explodes())), "type object; it needs real numbers"),
