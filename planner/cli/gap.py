@@ -219,7 +219,6 @@ def design(
         Gauge length of the specimens.
     """
     from planner.errors import ArgumentError
-    from planner.formats.outputs import write_whole
     from planner.gap.campaign_folder import specimens_csv
     from planner.gap.effects import EFFECTS
 
@@ -233,7 +232,7 @@ def design(
     with cli.progress() as stage:
         made = cli.run(planner.design_campaign, progress=stage)
     if listed:
-        write_whole(output, specimens_csv(made.campaign))
+        cli.write_whole(output, lambda: specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
     if cli.in_words(lambda: {"schema": 1, "written": output.name, **made.document()}):

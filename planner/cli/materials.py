@@ -52,8 +52,6 @@ def materials(
     as_program
         Print their laws instead, to paste: abaqus, ansys or febio.
     """
-    from planner.formats.outputs import write_whole
-
     if output is not None and temperature_C is None:
         raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
     scale = cli.run(planner.list_materials)
@@ -75,8 +73,7 @@ def materials(
     cli.check_targets(force=force, figure=figure, output=output)
     if output is not None:
         planner.write_palette(every, output, force=force)
-    if figure is not None:
-        write_whole(figure, planner.materials_figure(scale))
+    cli.write_whole(figure, lambda: planner.materials_figure(scale))
     if cli.in_words(scale.document):
         _print_ladder(scale)
         cli.tell_notes([*scale.warming, *scale.remarks()])
@@ -307,16 +304,13 @@ def characterise(
         SVG file to write: each curve with its toe, modulus, yield and break.
     """
     from planner.formats.files import encode_document
-    from planner.formats.outputs import write_whole
     from planner.materials.study import listed_files
 
     reads = listed_files(files, tests.specimens)
     cli.check_targets(force=force, reads=reads, output=output, figure=figure)
     found = cli.run(planner.characterise, columns=tests.headings())
-    if output is not None:
-        write_whole(output, found.csv())
-    if figure is not None:
-        write_whole(figure, planner.characterisation_figure(found))
+    cli.write_whole(output, found.csv)
+    cli.write_whole(figure, lambda: planner.characterisation_figure(found))
     if cli.in_words(lambda: encode_document(found.document())):
         _print_records(found)
         cli.tell_notes((*found.notes, *_corrections(found)))
@@ -456,7 +450,7 @@ def fit(
         "columns": tests.headings(),
     }
     from planner.formats.files import encode_document
-    from planner.formats.outputs import write_folder, write_whole
+    from planner.formats.outputs import write_folder
     from planner.materials.study import listed_files
 
     reads, targets = listed_files(files, tests.specimens), {"output": output, "figure": figure}
@@ -464,8 +458,7 @@ def fit(
     with cli.progress() as stage:
         result = cli.run(planner.fit, **instead, progress=stage)
     planner.write_palette(result.palette, output, force=force)
-    if figure is not None:
-        write_whole(figure, planner.fit_figure(result))
+    cli.write_whole(figure, lambda: planner.fit_figure(result))
     if tables is not None:
         record = encode_document({"schema": 1, "palette": output.name})
         rows = {**planner.fit_tables(result), _TABLES: record}

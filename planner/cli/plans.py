@@ -322,13 +322,11 @@ def compare(
     force
         Replace a page that is there.
     """
-    from planner.formats.outputs import write_whole
-
     cli.check_targets(force=force, output=output)
     with cli.progress() as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
-        write_whole(output, planner.compare_page(before, after, tolerance=tolerance))
+        cli.write_whole(output, lambda: planner.compare_page(before, after, tolerance=tolerance))
     _show(output, no_open=no_open, **_equality(found))
     return 1 if found else 0
 

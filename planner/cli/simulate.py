@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -156,7 +157,6 @@ def simulate(
     """
     from planner.compilation_cache import compile_ahead
     from planner.formats.files import encode_document
-    from planner.formats.outputs import write_whole
     from planner.simulation.loads import read_cases
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
@@ -209,15 +209,14 @@ def simulate(
         results = found if whole else (found,)
         if page is not None:
             stage("making the page")
-            write_whole(page, planner.part_page(results))
+            cli.write_whole(page, lambda: planner.part_page(results))
     document = results[0].json()
     if cases is not None:
         document = encode_document({"schema": 1, "cases": [one.document() for one in results]})
-    if path := whole_files.get("output"):
-        write_whole(path, document)
+    cli.write_whole(whole_files.get("output"), lambda: document)
     for result, paths in zip(results, each, strict=True):
         for name, path in paths.items():
-            write_whole(path, files[name][1](result))
+            cli.write_whole(path, partial(files[name][1], result))
     if cli.in_words(lambda: document):
         (_part_report if whole else _bar_report)(results)
         cli.tell_findings([f.message for result in results for f in result.findings], "the JSON")
