@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from typer import Argument, Context, Option, Typer
 
 import planner
-from planner.errors import ArgumentError, Caution, refused
+from planner.errors import ArgumentError, Caution, listed, refused
 
 __all__ = [
     "AsJson",
@@ -470,8 +470,7 @@ def check_targets(*, force: bool, reads: Iterable[Path] = (), **targets: _Target
         inside = [f for f in read if _real(f).is_relative_to(_real(path))]
         _refuse_reading(option, path, inside, "a file in that folder")
         if kept and not asked("quiet"):
-            more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
-            warn(f"{path} keeps {', '.join(kept[:5])}{more}, which planner did not write")
+            warn(f"{path} keeps {listed(kept, 5)}, which planner did not write")
     for path in places.values():
         if not is_stream(path):
             context.with_resource(claimed(path, force=force))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import FileError, MeshError, OutputError, did_you_mean
+from planner.errors import FileError, MeshError, OutputError, did_you_mean, listed
 from planner.formats.files import USUAL_LIMITS, UnfoldingLimits, read_file
 from planner.formats.units import QUANTITY_UNITS, canonical_unit
 from planner.numerics import Float32Array, FloatArray, IntArray
@@ -142,9 +142,8 @@ def _together(names: Sequence[str]) -> tuple[str, ...]:
     """Say that a file's objects are one part to planner, and what they are called."""
     if len(names) < 2:
         return ()
-    called = ", ".join(name for name in names[:_NAMES_SHOWN] if name)
-    more = ", ..." if called and len(names) > _NAMES_SHOWN else ""
-    told = f" ({called}{more})" if called else ""
+    called = [name for name in names if name]
+    told = f" ({listed(called, _NAMES_SHOWN)})" if called else ""
     return (f"holds {len(names)} placed objects{told}, graded together as one part",)
 
 

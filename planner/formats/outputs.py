@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from planner.errors import OutputError, refused
+from planner.errors import OutputError, listed, refused
 from planner.formats.files import encode_document
 
 __all__ = [
@@ -427,10 +427,9 @@ def check_target(
 
 def _refuse(folder: _Place, names: list[str], why: str, option: str) -> None:
     if names:
-        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         raise OutputError(
-            f"{folder}: {', '.join(names[:_NAMED])}{more} {why}, and is not replaced; move that "
-            f"elsewhere, or name another folder with `{option}`"
+            f"{folder}: {listed(names, _NAMED)} {why}, and is not replaced; move that elsewhere, "
+            f"or name another folder with `{option}`"
         )
 
 

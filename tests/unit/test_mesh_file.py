@@ -175,7 +175,7 @@ def test_step_has_its_unit_its_bodies_names_and_closed_surfaces():
     mesh = read_mesh(STEP)
     assert mesh.unit == "inch"
     (note,) = mesh.notes
-    assert "2 placed objects (root, tip)" in note
+    assert "2 placed objects (root and tip)" in note
     part = make_part(mesh.triangles, name="part")
     assert part.repairs == ()
     assert part.mesh.bounds_mm[:, 0] == pytest.approx([0.0, 4.0 * 25.4])

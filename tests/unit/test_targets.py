@@ -107,7 +107,9 @@ def test_force_keeps_what_others_put_there_and_names_it(here, capsys):
         Path("plan", name).write_text("mine")
     words = ["grade", "bar.stl", *ENDS, "--bands", "3", "-o", "plan", "--force"]
     assert run(words) in (0, 1)
-    assert "plan keeps mine.3mf, profile.csv, report.html, stl/mine.stl" in capsys.readouterr().err
+    assert (
+        "plan keeps mine.3mf, profile.csv, report.html and stl/mine.stl" in capsys.readouterr().err
+    )
     assert all(Path("plan", name).read_text() == "mine" for name in strangers)
     assert len(planner.read_plan("plan").regions) == 3
     assert len(list(Path("plan/stl").iterdir())) == 4
