@@ -6,9 +6,8 @@ import graphlib
 import hashlib
 import io
 import re
-import struct
 import uuid
-import zlib
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -701,9 +700,7 @@ def _with_meshes(text: bytes, meshes: Sequence[_Text]) -> _Text:
 
 
 _FAST = 1  # of zlib: a quarter larger than usual, in a fifth of the time
-_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
-_VERSION, _DEFLATED = 20, 8  # deflate and folders, nothing newer
-_UNIX_FILE = 0o100644 << 16
+_UNIX, _UNIX_FILE = 3, 0o100644 << 16
 
 
 def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
@@ -719,32 +716,19 @@ def _archive(members: Iterable[tuple[str, _Text]]) -> bytes:
     Raises
     ------
     OutputError
-        A member or the whole is 4 GiB or more, which takes zip64.
+        A member or the whole has more than 2 GiB, for which `zipfile` takes zip64.
     """
-    archive, directory = io.BytesIO(), list[bytes]()
-    for name, pieces in members:
-        packer, check, size, packed = zlib.compressobj(_FAST, wbits=-15), 0, 0, list[bytes]()
-        for piece in pieces:
-            check, size = zlib.crc32(piece, check), size + len(piece)
-            packed.append(packer.compress(piece))
-        packed.append(packer.flush())
-        offset, length = archive.tell(), sum(map(len, packed))
-        # As far as archives are read: more takes zip64.
-        if max(offset + length, size) > USUAL_LIMITS.unpacked_bytes:
-            raise OutputError(
-                f"{name}: {size} bytes, more than the 4 GiB that readers of 3MF take; reduce the "
-                "number of triangles"
-            )
-        path, flags = name.encode("utf-8"), 0 if name.isascii() else 0x800
-        facts = (_VERSION, flags, _DEFLATED, 0, _DATE, check, length, size, len(path), 0)
-        archive.write(struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path)
-        archive.writelines(packed)
-        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
-        entry = struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
-        directory.append(entry + struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path)
-    ends = len(directory), len(directory), sum(map(len, directory)), archive.tell(), 0
-    archive.writelines([*directory, struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, *ends)])
-    return archive.getvalue()
+    data, most = io.BytesIO(), "takes more than 2 GiB ({}); reduce the number of triangles"
+    with (
+        refused(OutputError, "3MF", most, zipfile.LargeZipFile, RuntimeError),
+        zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED, False, compresslevel=_FAST) as archive,
+    ):
+        for name, pieces in members:
+            with archive.open(name, "w") as file:
+                file.writelines(pieces)
+            made = archive.getinfo(name)
+            made.create_system, made.external_attr = _UNIX, _UNIX_FILE
+    return data.getvalue()
 
 
 # ------------------------------------------------------------------------------------------------

@@ -151,6 +151,14 @@ def test_archive_is_plain(tmp_path):
             assert member.compress_type == zipfile.ZIP_DEFLATED
 
 
+def test_archives_that_take_zip64_are_refused(monkeypatch):
+    size = len(encode_threemf(PAIR, "finger"))
+    for most in (400, size - 1000):  # less than a member has, and than all have
+        monkeypatch.setattr(zipfile, "ZIP64_LIMIT", most)
+        with pytest.raises(OutputError, match=r"^3MF: takes more than 2 GiB .*reduce the number"):
+            encode_threemf(PAIR, "finger")
+
+
 def test_hashes_name_every_part(tmp_path):
     (tmp_path / "a.3mf").write_bytes(encode_threemf(PAIR, "finger"))
     (tmp_path / "b.3mf").write_bytes(encode_threemf(PAIR, "thumb"))
