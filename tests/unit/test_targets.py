@@ -213,5 +213,5 @@ def test_a_printer_has_sizes(tmp_path, key, value):
     from planner.errors import PaletteError
     from planner.printers import load_profile
 
-    with pytest.raises(PaletteError, match=rf"Expected `float` [<>] .* - at `\$\.{key}"):
+    with pytest.raises(PaletteError, match=rf"Expected `float` [<>]=? .* - at `\$\.{key}"):
         load_profile(tmp_path)
