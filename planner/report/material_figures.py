@@ -103,12 +103,12 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
     )  # fmt: skip
     yield from drawn
     for coordinate, modulus in others:
-        yield svg.ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
+        yield svg.ring(chart.x(coordinate), chart.y(modulus), colour=RUST, radius=4.5)
     names = []
     each = zip(materials, scale.moduli_MPa, scale.intervals_MPa, strict=True)
     for material, modulus, ends in each:
-        x, y = chart.x(material.coordinate), _log_y(chart, modulus)
-        bottom, top = (_log_y(chart, end) for end in ends)
+        x, y = chart.x(material.coordinate), chart.y(modulus)
+        bottom, top = (chart.y(end) for end in ends)
         yield svg.segment((x, bottom), (x, top), colour=BLUE)
         yield from _dot(x, y, colour=material.colour, radius=6.0)
         # A ladder rises, so that there is room below a grade on its right and above on its left.
@@ -142,19 +142,18 @@ def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
     letters = max(len(material.id) for material in materials)
     reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
     y_range = svg.with_room(np.log10([min(stresses), max(stresses)]), 0.05)
-    chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
+    chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range, y_log=True)
     label = "nominal stress of each law to its break, MPa"
-    yield from chart.frame(x_label="strain", y_label=label, y_log=True)
+    yield from chart.frame(x_label="strain", y_label=label)
     if scale.at_strain < longest:
         x = chart.x(scale.at_strain)
         yield svg.segment((x, _TOP), (x, _TOP + _HEIGHT), colour=QUIET, width=1.2, dash="5,4")
         yield svg.text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=QUIET, size=_SMALL)
     names = []
     for material, (strain, stress) in zip(materials, curves, strict=True):
-        y = np.log10(stress)
-        yield chart.line(strain, y, colour=INK, width=3.2)
-        yield chart.line(strain, y, colour=material.colour, width=2.0)
-        x_end, y_end = chart.x(float(strain[-1])), chart.y(float(y[-1]))
+        yield chart.line(strain, stress, colour=INK, width=3.2)
+        yield chart.line(strain, stress, colour=material.colour, width=2.0)
+        x_end, y_end = chart.x(float(strain[-1])), chart.y(float(stress[-1]))
         yield svg.cross(x_end, y_end, colour=INK, arm=4.0)
         names.append((material.id, x_end + 8.0, y_end + 4.0, "start"))
     yield from _names(names)
@@ -171,10 +170,6 @@ def _names(names: Sequence[tuple[str, float, float, str]]) -> Iterator[str]:
                 y = at - _LINE
         taken.append((start, stop, y))
         yield svg.text(x, y, name, anchor=anchor, size=_SMALL)
-
-
-def _log_y(chart: Chart, value: float) -> float:
-    return chart.y(float(np.log10(value)))
 
 
 def _moduli(
@@ -195,10 +190,10 @@ def _moduli(
     grades, m = model.coordinates, model.coordinates_between(places)
     low, high = model.modulus_interval_MPa(m, strain)
     ends = np.log10([low.min(), max(most, high.max())])
-    chart = Chart(*box, svg.with_room(grades, room[0]), svg.with_room(ends, room[1]))
-    line = chart.line(m, np.log10(model.modulus_MPa(m, strain)), colour=colour)
-    band = chart.band(m, np.log10(low), np.log10(high))
-    return chart, [band, *chart.frame(y_log=True, **labels), line]
+    x_range, y_range = svg.with_room(grades, room[0]), svg.with_room(ends, room[1])
+    chart = Chart(*box, x_range, y_range, y_log=True)
+    line = chart.line(m, model.modulus_MPa(m, strain), colour=colour)
+    return chart, [chart.band(m, low, high), *chart.frame(**labels), line]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -507,7 +502,7 @@ def _whisker(x: float, low: float, high: float) -> Iterator[str]:
 
 def _within(chart: Chart, x: FloatArray, y: FloatArray) -> Iterator[str]:
     """Draw the quadratics' line where it lies in the chart; they may leave it far."""
-    low, high = chart.y_range
+    low, high = np.power(10.0, chart.y_range) if chart.y_log else chart.y_range
     inside = (y >= low) & (y <= high) & np.isfinite(y)
     for run in np.split(np.arange(len(x)), np.flatnonzero(np.diff(inside)) + 1):
         if inside[run[0]] and len(run) > 1:
@@ -536,11 +531,10 @@ def _fit_ladder(
         m = model.coordinates_between(_MIXTURES)
         x = m[(m >= of[0]) & (m <= of[-1])]
         y = study.quadratic.quadratics.model.literal_stress_MPa(x, strain) / strain
-        # What is not above zero has no logarithm, and lies below the chart.
-        yield from _within(chart, x, np.log10(np.where(y > 0.0, y, 1e-9)))
+        yield from _within(chart, x, y)
     moduli = model.grade_moduli_MPa(strain).tolist()
     for material, modulus in zip(study.palette.materials, moduli, strict=True):
-        x_at, y_at = chart.x(material.coordinate), _log_y(chart, modulus)
+        x_at, y_at = chart.x(material.coordinate), chart.y(modulus)
         yield from _dot(x_at, y_at, colour=material.colour, radius=5.0)
 
 

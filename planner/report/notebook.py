@@ -223,7 +223,7 @@ def _draw_plan(plan: Plan, ax: "Axes") -> None:
     begin, way, words = plan_figure.mm_along(plan.gradient.field)
     target = plan_figure.target_along(plan)
     if target is not None:
-        ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=BLUE, label="target")
+        ax.plot(begin + target[0] * way, target[1], "--", color=BLUE, label="target")
     for number, region in enumerate(plan_figure.stretches(plan.regions)):
         ends = [begin + u * way for u in region.field]
         step, band = ("achieved", "95 % interval") if number == 0 else (None, None)

@@ -1,7 +1,6 @@
 """A plan in words and as figures: its table, what is said of it, its stiffness along the field."""
 
 import itertools
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -189,9 +188,7 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], words: str = "") ->
     parts = [
         *(_interval(r, chart, numbers) for r in stretches(plan.regions) if known),
         *chart.frame(
-            x_label="",
-            y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
-            y_log=True,
+            x_label="", y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa"
         ),
         *([] if target is None else [_target_line(chart, target)]),
         *(_achieved(r, chart) for r in stretches(plan.regions)),
@@ -210,11 +207,11 @@ def _chart(
     """Return a chart of moduli over the field, in mm where all plans' have the same ends."""
     moduli_MPa = [*(r.modulus_MPa for plan in plans for r in plan.regions), *more_MPa]
     wanted = [target[1] for target in targets if target is not None]
-    logs = np.sort(np.concatenate([[*map(math.log10, moduli_MPa)], *wanted]))
+    logs = np.log10(np.sort(np.concatenate([moduli_MPa, *wanted])))
     spans = {mm_along(plan.gradient.field)[:2] for plan in plans}
     begin, way = spans.pop() if len(spans) == 1 else (0.0, 1.0)
     ends = (begin, begin + way) if way else (0.0, 1.0)
-    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, svg.with_room(logs, _ROOM))
+    return Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, svg.with_room(logs, _ROOM), y_log=True)
 
 
 def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float = 2.0) -> str:
@@ -224,7 +221,7 @@ def _target_line(chart: Chart, target: _Target, colour: str = BLUE, width: float
 
 
 def target_along(plan: Plan) -> _Target | None:
-    """Return places 0..1 and log10 of the target there, in MPa; None of a plan without one."""
+    """Return places 0..1 and the target there, in MPa; None of a plan without one."""
     profile = plan.gradient.profile
     if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
         return None
@@ -235,7 +232,7 @@ def target_along(plan: Plan) -> _Target | None:
             u = np.linspace(a, b, 2 if wanted.shape == "log" else _PLACES)
             u[-1] = np.nextafter(b, a)  # at a jump, the value before it
             places.append(u)
-            values.append(np.log10(wanted.modulus_MPa(u)))
+            values.append(wanted.modulus_MPa(u))
     return np.concatenate(places), np.concatenate(values)
 
 
@@ -258,14 +255,14 @@ def _said(region: Region) -> str:
 
 def _interval(region: Region, chart: Chart, numbers: Mapping[str, int]) -> str:
     left, right = _span(region, chart)
-    low, high = (chart.y(math.log10(end)) for end in region.modulus_interval_MPa)
+    low, high = (chart.y(end) for end in region.modulus_interval_MPa)
     drawn = svg.rectangle(left, high, right - left, low - high, colour=PALE_BLUE)
     return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
 
 
 def _achieved(region: Region, chart: Chart, colour: str = INK, width: float = 2.5) -> str:
     left, right = _span(region, chart)
-    y = chart.y(math.log10(region.modulus_MPa))
+    y = chart.y(region.modulus_MPa)
     return svg.segment((left, y), (right, y), colour=colour, width=width)
 
 
@@ -342,7 +339,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
     across = _SHARE if chart.x_range[1] - chart.x_range[0] == 1.0 else _IN_MM
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
-    parts = list(chart.frame(x_label=across, y_label=up, y_log=True))
+    parts = list(chart.frame(x_label=across, y_label=up))
     styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
     for (side, colour, thick), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:

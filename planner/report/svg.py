@@ -68,7 +68,13 @@ _Pair: TypeAlias = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A rectangle of the picture, in pixels, and the data it spans."""
+    """A rectangle of the picture, in pixels, and the data it spans.
+
+    Attributes
+    ----------
+    y_log
+        Whether `y_range` is of decimal logarithms of what is drawn.
+    """
 
     left: float
     top: float
@@ -76,6 +82,7 @@ class Chart:
     height: float
     x_range: _Pair
     y_range: _Pair
+    y_log: bool = False
 
     def x(self, value: float) -> float:
         """Return where a value lies in the picture."""
@@ -85,7 +92,8 @@ class Chart:
     def y(self, value: float) -> float:
         """Return where a value lies in the picture."""
         low, high = self.y_range
-        return self.top + self.height * (1.0 - (value - low) / (high - low))
+        at = float(np.log10(value)) if self.y_log else value
+        return self.top + self.height * (1.0 - (at - low) / (high - low))
 
     def path(self, x: FloatArray, y: FloatArray) -> str:
         """Return points as an SVG path's data."""
@@ -99,7 +107,6 @@ class Chart:
         y_label: str,
         x_ticks: Sequence[tuple[float, str]] | None = None,
         y_ticks: Sequence[tuple[float, str]] | None = None,
-        y_log: bool = False,
         most_ticks: int = _TICKS,
     ) -> Iterator[str]:
         """Draw grid, figures and names of both axes.
@@ -108,8 +115,6 @@ class Chart:
         ----------
         x_ticks, y_ticks
             Places and what to write there, in place of round figures.
-        y_log
-            Whether `y_range` is of decimal logarithms.
         most_ticks
             About how many round figures an axis has room for.
         """
@@ -123,7 +128,8 @@ class Chart:
             x = self.x(value)
             yield f'<path d="M{x:.2f},{self.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
             yield text(x, bottom + 16.0, words, anchor="middle")
-        upwards = log_ticks(*self.y_range) if y_log else y_ticks
+        decades = log_ticks(*self.y_range) if self.y_log else []
+        upwards = [(10.0**power, words) for power, words in decades] or y_ticks
         for value, words in upwards or round_figures(self.y_range):
             y = self.y(value)
             yield f'<path d="M{self.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
