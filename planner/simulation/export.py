@@ -702,7 +702,7 @@ def _missing(
         mesh.outer_middle_mm[faces], cells_mm2[faces]
     )
     missing_N = share[:, None] * force + couple(share, place_mm, moment)
-    rounded_N = _ROUNDING * push.pressure_MPa * mesh.outer_mm2.max()
+    rounded_N = _ROUNDING * abs(push.pressure_MPa) * mesh.outer_mm2.max()
     return nodes, np.where(np.abs(missing_N) > rounded_N, missing_N, 0.0)
 
 

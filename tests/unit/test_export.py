@@ -253,6 +253,15 @@ def test_a_pressure_in_a_cavity_comes_to_that_on_its_opening(cell_mm):
     np.testing.assert_allclose(moment, 0.0, atol=1e-4)
 
 
+def test_nothing_is_added_to_a_suction_where_cells_end_as_the_part():
+    mesh = box(8.0, 4.0, 2.0)
+    made = planner.export(
+        (mesh.vertices, mesh.faces), to="abaqus", cell_mm=1.0, fix=["x=min"], material="FLX9760",
+        pressure=["z=max: -5 kPa"], to_strain=0.5,
+    )  # fmt: skip
+    assert "*CLOAD" not in cards(made.data)
+
+
 def test_mixtures_spread_evenly_are_made_of_equal_parts(palette):
     """Each material then stands for as many cells as any other, in the middle of them."""
     spread = np.linspace(0.0, 1.0, 960)
