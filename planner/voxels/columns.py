@@ -550,13 +550,15 @@ def inside_shares(mesh: Mesh, grid: Grid, parts: int) -> FloatArray:
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:
-    """Refuse a mesh too large for exact integers on a grid.
+    """Refuse a mesh without faces, or too large for exact integers on a grid.
 
     Raises
     ------
     MeshError
         See `iterate_columns`.
     """
+    if not len(mesh.faces):
+        raise MeshError("the mesh has no faces; nothing can be made of it")
     used = mesh.bounds_mm
     with np.errstate(invalid="ignore", over="ignore"):
         voxels = (used - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)

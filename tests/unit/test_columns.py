@@ -220,6 +220,8 @@ def test_arguments_out_of_range():
             voxelize(cube, pitch)
     with pytest.raises(ArgumentError, match="coarser pitch"):
         voxelize(cube, 1e-5)
+    with pytest.raises(MeshError, match="no faces"):
+        next(iterate_columns(Mesh(cube.vertices, np.empty((0, 3))), grid_for(cube.bounds_mm, 0.5)))
     broken = Mesh(np.where(cube.vertices > 1, np.nan, cube.vertices), cube.faces)
     with pytest.raises(MeshError, match="reaches"):
         next(iterate_columns(broken, grid_for(cube.bounds_mm, 0.5)))
