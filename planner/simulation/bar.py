@@ -255,7 +255,8 @@ def plan_palette(
     """
     if palette is None:
         made = f"the plan of {plan.part.file} was made with palette {plan.palette.name}"
-        with refused(UnknownNameError, made, "{}; give its file with `palette`", UnknownNameError):
+        other = "{}; name a printer that has it with `printer`, or give its file with `palette`"
+        with refused(UnknownNameError, made, other, UnknownNameError):
             # A name alone: no plan has a file of its choice read.
             machine = load_printer(plan.printer if printer is None else printer)
             chosen = machine.palette(plan.palette.name)
