@@ -315,7 +315,7 @@ def _installed(name: str) -> Printer:
         )
     ((origin, plugin),) = plugins.items()
     try:
-        loaded = plugin.load()
+        loaded: Printer = plugin.load()
         faults = printer_faults(loaded)
     except Exception as error:  # whatever a plugin of others may raise
         raise UnknownNameError(
@@ -329,7 +329,7 @@ def _installed(name: str) -> Printer:
             f"printer {name!r}: {origin} is not a planner.Printer: {'; '.join(faults)}; "
             "run planner.testing.check_printer on it"
         )
-    return loaded  # type: ignore[no-any-return]
+    return loaded
 
 
 def _origin(entry: EntryPoint) -> str:

@@ -98,15 +98,16 @@ def check_printer(printer: object) -> None:
     problems = printer_faults(printer)
     if problems or not isinstance(printer, Printer):
         raise AssertionError("\n".join(problems))
+    known = set()
     for name in printer.palettes:
         palette = printer.palette(name)
+        known |= {material.id for material in palette.materials}
         if palette.name != name:
             problems.append(f"palette {name!r} calls itself {palette.name!r}")
         stiffness_scale(palette, 0.01)
         for material in palette.materials:
             if not printer.operator_name(material.id):
                 problems.append(f"operator_name({material.id!r}) is empty")
-    known = {m.id for name in printer.palettes for m in printer.palette(name).materials}
     for name in sorted(set(getattr(printer, "operator_names", ())) - known):
         problems.append(f"operator_names has {name!r}, which no palette has")
     if not printer.job_notes().strip():
