@@ -232,7 +232,7 @@ def design(
     with cli.progress() as stage:
         made = cli.run(planner.design_campaign, progress=stage)
     if listed:
-        cli.write_whole(output, lambda: specimens_csv(made.campaign))
+        cli.write_asked(output, lambda: specimens_csv(made.campaign))
     else:
         planner.write_campaign(made.campaign, output, measured=False)
     if cli.in_words(lambda: {"schema": 1, "written": output.name, **made.document()}):

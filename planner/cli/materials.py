@@ -73,7 +73,7 @@ def materials(
     cli.check_targets(force=force, figure=figure, output=output)
     if output is not None:
         planner.write_palette(every, output, force=force)
-    cli.write_whole(figure, lambda: planner.materials_figure(scale))
+    cli.write_asked(figure, lambda: planner.materials_figure(scale))
     if cli.in_words(scale.document):
         _print_ladder(scale)
         cli.tell_notes([*scale.warming, *scale.remarks()])
@@ -309,8 +309,8 @@ def characterise(
     reads = listed_files(files, tests.specimens)
     cli.check_targets(force=force, reads=reads, output=output, figure=figure)
     found = cli.run(planner.characterise, columns=tests.headings())
-    cli.write_whole(output, found.csv)
-    cli.write_whole(figure, lambda: planner.characterisation_figure(found))
+    cli.write_asked(output, found.csv)
+    cli.write_asked(figure, lambda: planner.characterisation_figure(found))
     if cli.in_words(lambda: encode_document(found.document())):
         _print_records(found)
         cli.tell_notes((*found.notes, *_corrections(found)))
@@ -458,7 +458,7 @@ def fit(
     with cli.progress() as stage:
         result = cli.run(planner.fit, **instead, progress=stage)
     planner.write_palette(result.palette, output, force=force)
-    cli.write_whole(figure, lambda: planner.fit_figure(result))
+    cli.write_asked(figure, lambda: planner.fit_figure(result))
     if tables is not None:
         record = encode_document({"schema": 1, "palette": output.name})
         rows = {**planner.fit_tables(result), _TABLES: record}

@@ -47,7 +47,7 @@ __all__ = [
     "tell_notes",
     "terminal_width",
     "warn",
-    "write_whole",
+    "write_asked",
 ]
 
 
@@ -119,12 +119,12 @@ class Kept(int):
     """Exit code of a command that was interrupted, and has kept what it had."""
 
 
-def write_whole(path: Path | None, content: Callable[[], bytes]) -> None:
+def write_asked(path: Path | None, content: Callable[[], bytes]) -> None:
     """Write a file whole or not at all, where one is asked for."""
-    from planner.formats import outputs
+    from planner.formats.outputs import write_whole
 
     if path is not None:
-        outputs.write_whole(path, content())
+        write_whole(path, content())
 
 
 def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:

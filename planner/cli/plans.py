@@ -326,7 +326,7 @@ def compare(
     with cli.progress() as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
-        cli.write_whole(output, lambda: planner.compare_page(before, after, tolerance=tolerance))
+        cli.write_asked(output, lambda: planner.compare_page(before, after, tolerance=tolerance))
     _show(output, no_open=no_open, **_equality(found))
     return 1 if found else 0
 

@@ -209,14 +209,14 @@ def simulate(
         results = found if whole else (found,)
         if page is not None:
             stage("making the page")
-            cli.write_whole(page, lambda: planner.part_page(results))
+            cli.write_asked(page, lambda: planner.part_page(results))
     document = results[0].json()
     if cases is not None:
         document = encode_document({"schema": 1, "cases": [one.document() for one in results]})
-    cli.write_whole(whole_files.get("output"), lambda: document)
+    cli.write_asked(whole_files.get("output"), lambda: document)
     for result, paths in zip(results, each, strict=True):
         for name, path in paths.items():
-            cli.write_whole(path, partial(files[name][1], result))
+            cli.write_asked(path, partial(files[name][1], result))
     if cli.in_words(lambda: document):
         (_part_report if whole else _bar_report)(results)
         cli.tell_findings([f.message for result in results for f in result.findings], "the JSON")
