@@ -45,11 +45,12 @@ def cases(shares: dict[str, float], count: int, p: Priors = START) -> Iterator[C
 
 def test_priors_are_the_vector_that_they_came_from() -> None:
     start = Priors()
-    again = priors_of(vector(start))
+    again = priors_of(vector(start), START)
     total = sum(getattr(start, k) for k in ("none", "single", "pair", "unknown"))
     for name in ("none", "single", "pair", "unknown"):
         assert getattr(again, name) == pytest.approx(getattr(start, name) / total)
     assert vector(again) == pytest.approx(vector(start))
+    assert again.temperature == START.temperature != start.temperature
 
 
 @pytest.mark.long
